@@ -1,0 +1,59 @@
+//! What every diagnosis method offers to the scheduler.
+
+pub use residual_shared::record::{Channel, StepRecord, Verdict, flags};
+
+/// What one step sees: the samples of one sampling instant. NaN stands for an element that was not received.
+#[derive(Clone, Copy, Debug)]
+pub struct StepInput<'a> {
+    /// y(t_k): the measured outputs of this instant, in the order and units of the model.
+    pub measurements: &'a [f64],
+    /// u(t_k): the commands received for this instant, in the order and units of the model; they act from t_k
+    /// until t_{k+1}.
+    pub commands: &'a [f64],
+}
+
+/// Name and unit of one channel of a diagnoser's records.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ChannelDescription {
+    /// Name, unique within the diagnoser.
+    pub name: String,
+    /// Unit of the bounds and the residual; empty when the model states none.
+    pub unit: String,
+}
+
+/// What stays constant over a diagnoser's life.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Description {
+    /// The method, as written in the configuration.
+    pub method: &'static str,
+    /// The channels of every record, in order; at most [`residual_shared::record::MAX_CHANNELS`].
+    pub channels: Vec<ChannelDescription>,
+    /// The faults that the fault sets of a record speak of, in the order of their bits; at most 64.
+    pub faults: Vec<String>,
+    /// Number of measured outputs a step expects.
+    pub measurement_count: usize,
+    /// Number of commands a step expects.
+    pub command_count: usize,
+}
+
+/// A configured diagnosis method on one plant.
+///
+/// The scheduler calls [`Diagnoser::step`] once per sampling instant, in order and without gaps unless it says
+/// so with [`Diagnoser::skip`]. After construction no method allocates, blocks or panics.
+pub trait Diagnoser: Send {
+    /// What stays constant: channels, faults, dimensions.
+    fn description(&self) -> &Description;
+
+    /// Does the step of one sampling instant and writes everything it concludes into `record`.
+    ///
+    /// The implementation writes verdict, fault sets, fault estimate, channels and the flags that it knows of
+    /// (ALARM_NOW, RESET, THRESHOLD_INERT, INPUT_MISSING are set with `|=`); step number, instant and
+    /// scheduling flags are the caller's. Slices of a wrong length count as missing as a whole.
+    fn step(&mut self, input: &StepInput<'_>, record: &mut StepRecord);
+
+    /// Tells that one sampling instant passes without a step, as if every sample of it were missing.
+    fn skip(&mut self, record: &mut StepRecord);
+
+    /// Returns to the state right after construction.
+    fn reset(&mut self);
+}
