@@ -64,7 +64,10 @@ pub struct Instance {
 impl Instance {
     /// The instance `name` in `runtime_directory`.
     pub fn new(name: InstanceName, runtime_directory: impl Into<PathBuf>) -> Self {
-        Self { name, runtime_directory: runtime_directory.into() }
+        Self {
+            name,
+            runtime_directory: runtime_directory.into(),
+        }
     }
 
     /// The instance `name` in the directory that the environment names, or the default one.
@@ -89,9 +92,10 @@ impl Instance {
         self.path("iox2")
     }
 
-    /// Prefix of the instance's iceoryx2 files and shared memory.
+    /// Prefix of the instance's iceoryx2 files and shared memory. The dots, which no instance name holds, keep
+    /// the prefix of one instance from being the beginning of another's.
     pub fn iceoryx_prefix(&self) -> String {
-        format!("residuald_{}_", self.name)
+        format!("residuald-iox.{}.", self.name)
     }
 
     /// iceoryx2 service on which the samples of one input travel; the last part is the payload's version.
@@ -105,7 +109,8 @@ impl Instance {
     }
 
     fn path(&self, extension: &str) -> PathBuf {
-        self.runtime_directory.join(format!("residuald.{}.{extension}", self.name))
+        self.runtime_directory
+            .join(format!("residuald.{}.{extension}", self.name))
     }
 }
 

@@ -2,6 +2,9 @@
 //!
 //! Fixed size, integers and floats only, so that it can lie in memory shared with other processes.
 
+#[cfg(feature = "transport")]
+use iceoryx2::prelude::ZeroCopySend;
+
 /// Largest number of channels in one record.
 ///
 /// 64 rows hold a bank of two single-fault filters with every row, parity window and fault estimate (30) and
@@ -13,6 +16,7 @@ pub const MAX_FAULTS: usize = 64;
 
 /// One row of a record: a residual between its bounds.
 #[repr(C)]
+#[cfg_attr(feature = "transport", derive(ZeroCopySend))]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Channel {
     /// Lower bound of the residual, in the channel's unit.
@@ -28,19 +32,38 @@ pub struct Channel {
 
 impl Channel {
     /// A channel that was not evaluated at this instant.
-    pub const NOT_EVALUATED: Self = Self { lower: 0.0, residual: 0.0, upper: 0.0, ratio: f64::NAN };
+    pub const NOT_EVALUATED: Self = Self {
+        lower: 0.0,
+        residual: 0.0,
+        upper: 0.0,
+        ratio: f64::NAN,
+    };
 
     /// A channel with the bounds `-half_width` and `half_width` around zero.
     ///
     /// The ratio is `|residual| / half_width`, and infinite when a residual stands against a zero half width.
     pub fn two_sided(residual: f64, half_width: f64) -> Self {
-        let ratio = if residual == 0.0 { 0.0 } else { residual.abs() / half_width };
-        Self { lower: -half_width, residual, upper: half_width, ratio }
+        let ratio = if residual == 0.0 {
+            0.0
+        } else {
+            residual.abs() / half_width
+        };
+        Self {
+            lower: -half_width,
+            residual,
+            upper: half_width,
+            ratio,
+        }
     }
 
     /// An estimate with its guaranteed radius; it has no alarm, its ratio is 0.
     pub fn estimate(centre: f64, radius: f64) -> Self {
-        Self { lower: centre - radius, residual: centre, upper: centre + radius, ratio: 0.0 }
+        Self {
+            lower: centre - radius,
+            residual: centre,
+            upper: centre + radius,
+            ratio: 0.0,
+        }
     }
 
     /// Whether the channel was evaluated at this instant.
@@ -116,6 +139,11 @@ pub mod flags {
 ///
 /// Faults are counted from 0 in the order of the diagnoser's fault names; bit j of a fault set is fault j.
 #[repr(C)]
+#[cfg_attr(
+    feature = "transport",
+    derive(ZeroCopySend),
+    type_name("residual.StepRecord.v1")
+)]
 #[derive(Clone, Copy, Debug)]
 pub struct StepRecord {
     /// Number of the sampling instant since the daemon's epoch.
@@ -192,14 +220,24 @@ impl StepRecord {
     pub fn same_bits(&self, other: &Self) -> bool {
         let head = |r: &Self| {
             (
-                [r.step, r.instant_ns, r.certainly_faulty, r.possibly_faulty, r.inputs_valid],
+                [
+                    r.step,
+                    r.instant_ns,
+                    r.certainly_faulty,
+                    r.possibly_faulty,
+                    r.inputs_valid,
+                ],
                 [r.fault_estimate.to_bits(), r.fault_estimate_half_width.to_bits()],
                 [r.verdict, r.flags, r.skipped_instants, r.channel_count],
             )
         };
         let bits = |c: &Channel| [c.lower, c.residual, c.upper, c.ratio].map(f64::to_bits);
         head(self) == head(other)
-            && self.channels().iter().map(bits).eq(other.channels().iter().map(bits))
+            && self
+                .channels()
+                .iter()
+                .map(bits)
+                .eq(other.channels().iter().map(bits))
     }
 }
 
