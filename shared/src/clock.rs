@@ -11,8 +11,9 @@ const NANOSECONDS_PER_SECOND: u64 = 1_000_000_000;
 /// CLOCK_MONOTONIC, nanoseconds. The same clock for every process of the machine.
 pub fn monotonic_ns() -> u64 {
     // CLOCK_MONOTONIC exists on every Linux; the call cannot fail with a valid clock and pointer.
-    clock_gettime(ClockId::CLOCK_MONOTONIC)
-        .map_or(0, |time| time.tv_sec() as u64 * NANOSECONDS_PER_SECOND + time.tv_nsec() as u64)
+    clock_gettime(ClockId::CLOCK_MONOTONIC).map_or(0, |time| {
+        time.tv_sec() as u64 * NANOSECONDS_PER_SECOND + time.tv_nsec() as u64
+    })
 }
 
 /// Sleeps until CLOCK_MONOTONIC reaches `deadline_ns`; returns at once when that is past.
@@ -24,8 +25,11 @@ pub fn sleep_until_monotonic(deadline_ns: u64) {
         (deadline_ns / NANOSECONDS_PER_SECOND) as _,
         (deadline_ns % NANOSECONDS_PER_SECOND) as _,
     );
-    while clock_nanosleep(ClockId::CLOCK_MONOTONIC, ClockNanosleepFlags::TIMER_ABSTIME, &deadline)
-        == Err(Errno::EINTR)
+    while clock_nanosleep(
+        ClockId::CLOCK_MONOTONIC,
+        ClockNanosleepFlags::TIMER_ABSTIME,
+        &deadline,
+    ) == Err(Errno::EINTR)
     {}
 }
 
@@ -43,7 +47,10 @@ pub struct DaemonTime {
 
 impl DaemonTime {
     /// CLOCK_MONOTONIC itself.
-    pub const MONOTONIC: Self = Self { origin_ns: 0, speed: 1.0 };
+    pub const MONOTONIC: Self = Self {
+        origin_ns: 0,
+        speed: 1.0,
+    };
 
     /// The daemon's time now, nanoseconds.
     pub fn now_ns(&self) -> u64 {
@@ -88,7 +95,10 @@ mod tests {
 
     #[test]
     fn daemon_time_runs_faster_by_its_speed_and_back() {
-        let time = DaemonTime { origin_ns: 1_000, speed: 4.0 };
+        let time = DaemonTime {
+            origin_ns: 1_000,
+            speed: 4.0,
+        };
         assert_eq!(time.from_monotonic(3_000), 9_000);
         assert_eq!(time.to_monotonic(9_000), 3_000);
         assert_eq!(DaemonTime::MONOTONIC.from_monotonic(u64::MAX), u64::MAX);

@@ -64,7 +64,10 @@ pub struct Instance {
 impl Instance {
     /// The instance `name` in `runtime_directory`.
     pub fn new(name: InstanceName, runtime_directory: impl Into<PathBuf>) -> Self {
-        Self { name, runtime_directory: runtime_directory.into() }
+        Self {
+            name,
+            runtime_directory: runtime_directory.into(),
+        }
     }
 
     /// The instance `name` in the directory that the environment names, or the default one.
@@ -105,7 +108,8 @@ impl Instance {
     }
 
     fn path(&self, extension: &str) -> PathBuf {
-        self.runtime_directory.join(format!("residuald.{}.{extension}", self.name))
+        self.runtime_directory
+            .join(format!("residuald.{}.{extension}", self.name))
     }
 }
 

@@ -28,19 +28,38 @@ pub struct Channel {
 
 impl Channel {
     /// A channel that was not evaluated at this instant.
-    pub const NOT_EVALUATED: Self = Self { lower: 0.0, residual: 0.0, upper: 0.0, ratio: f64::NAN };
+    pub const NOT_EVALUATED: Self = Self {
+        lower: 0.0,
+        residual: 0.0,
+        upper: 0.0,
+        ratio: f64::NAN,
+    };
 
     /// A channel with the bounds `-half_width` and `half_width` around zero.
     ///
     /// The ratio is `|residual| / half_width`, and infinite when a residual stands against a zero half width.
     pub fn two_sided(residual: f64, half_width: f64) -> Self {
-        let ratio = if residual == 0.0 { 0.0 } else { residual.abs() / half_width };
-        Self { lower: -half_width, residual, upper: half_width, ratio }
+        let ratio = if residual == 0.0 {
+            0.0
+        } else {
+            residual.abs() / half_width
+        };
+        Self {
+            lower: -half_width,
+            residual,
+            upper: half_width,
+            ratio,
+        }
     }
 
     /// An estimate with its guaranteed radius; it has no alarm, its ratio is 0.
     pub fn estimate(centre: f64, radius: f64) -> Self {
-        Self { lower: centre - radius, residual: centre, upper: centre + radius, ratio: 0.0 }
+        Self {
+            lower: centre - radius,
+            residual: centre,
+            upper: centre + radius,
+            ratio: 0.0,
+        }
     }
 
     /// Whether the channel was evaluated at this instant.
@@ -192,14 +211,24 @@ impl StepRecord {
     pub fn same_bits(&self, other: &Self) -> bool {
         let head = |r: &Self| {
             (
-                [r.step, r.instant_ns, r.certainly_faulty, r.possibly_faulty, r.inputs_valid],
+                [
+                    r.step,
+                    r.instant_ns,
+                    r.certainly_faulty,
+                    r.possibly_faulty,
+                    r.inputs_valid,
+                ],
                 [r.fault_estimate.to_bits(), r.fault_estimate_half_width.to_bits()],
                 [r.verdict, r.flags, r.skipped_instants, r.channel_count],
             )
         };
         let bits = |c: &Channel| [c.lower, c.residual, c.upper, c.ratio].map(f64::to_bits);
         head(self) == head(other)
-            && self.channels().iter().map(bits).eq(other.channels().iter().map(bits))
+            && self
+                .channels()
+                .iter()
+                .map(bits)
+                .eq(other.channels().iter().map(bits))
     }
 }
 
