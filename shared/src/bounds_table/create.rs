@@ -48,8 +48,10 @@ pub enum CreateError {
         bytes: usize,
     },
     /// The file cannot be given to the group.
-    #[error("the bounds table cannot be given to the group {group}: {source}; the daemon's user must be a \
-             member of it")]
+    #[error(
+        "the bounds table cannot be given to the group {group}: {source}; the daemon's user must be a \
+             member of it"
+    )]
     Group {
         /// The group's id.
         group: u32,
@@ -100,7 +102,9 @@ pub(super) fn create(
     let epoch = nanoseconds(SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default());
     let directory = Directory {
         spec: spec.clone(),
-        epoch: old.as_ref().map_or(epoch, |old| epoch.max(old.epoch.saturating_add(1))),
+        epoch: old
+            .as_ref()
+            .map_or(epoch, |old| epoch.max(old.epoch.saturating_add(1))),
         boot_id: boot_id(),
         pid: std::process::id(),
     };
@@ -116,7 +120,10 @@ pub(super) fn create(
         .mode(0o600)
         .open(&temporary_path)
         .map_err(failed("create", &temporary_path))?;
-    let mut temporary = Temporary { path: temporary_path, renamed: false };
+    let mut temporary = Temporary {
+        path: temporary_path,
+        renamed: false,
+    };
     allocate(&file, bytes).map_err(|errno| match errno {
         Errno::ENOSPC => {
             let directory = path.parent().unwrap_or(Path::new("/")).into();
@@ -129,8 +136,7 @@ pub(super) fn create(
     }
     file.set_permissions(Permissions::from_mode(access.mode))
         .map_err(failed("set the permissions of", &temporary.path))?;
-    let mapping =
-        WritableMapping::new(&file, image.total_words).map_err(failed("map", &temporary.path))?;
+    let mapping = WritableMapping::new(&file, image.total_words).map_err(failed("map", &temporary.path))?;
     let words = mapping.words();
     for (word, value) in words.iter().zip(&image.words) {
         WriteWord::store(word, *value);
@@ -142,7 +148,8 @@ pub(super) fn create(
     temporary.renamed = true;
     // Now, and not earlier: a reader that sees the old table closed finds the new one at once.
     if let Some(old) = old {
-        old.close().map_err(failed("mark as closed the table that was at", path))?;
+        old.close()
+            .map_err(failed("mark as closed the table that was at", path))?;
     }
     Ok((mapping, image))
 }
@@ -157,7 +164,12 @@ impl OldTable {
     /// Opens what lies at `path` if it is a table of this version and of this user.
     fn open(path: &Path) -> Option<Self> {
         let flags = OFlag::O_NOFOLLOW | OFlag::O_NONBLOCK;
-        let file = OpenOptions::new().read(true).write(true).custom_flags(flags.bits()).open(path).ok()?;
+        let file = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .custom_flags(flags.bits())
+            .open(path)
+            .ok()?;
         let metadata = file.metadata().ok()?;
         let word = |index: usize| {
             let mut bytes = [0; WORD_BYTES];
@@ -175,7 +187,8 @@ impl OldTable {
 
     /// Marks it closed, through the file: its memory may be damaged, and a mapping of it could fault.
     fn close(&self) -> io::Result<()> {
-        self.file.write_all_at(&STATE_CLOSED.to_ne_bytes(), (header::STATE * WORD_BYTES) as u64)
+        self.file
+            .write_all_at(&STATE_CLOSED.to_ne_bytes(), (header::STATE * WORD_BYTES) as u64)
     }
 }
 
@@ -199,7 +212,9 @@ fn temporary_name(path: &Path) -> PathBuf {
 
 /// Removes what daemons killed during their start left of this table. Failures show at the creation.
 fn remove_stale(path: &Path) {
-    let (Some(directory), Some(name)) = (path.parent(), path.file_name()) else { return };
+    let (Some(directory), Some(name)) = (path.parent(), path.file_name()) else {
+        return;
+    };
     let is_stale = |candidate: &OsString| {
         let pid = candidate
             .as_encoded_bytes()
@@ -208,7 +223,11 @@ fn remove_stale(path: &Path) {
             .strip_suffix(TEMPORARY_EXTENSION.as_bytes())?;
         (!pid.is_empty() && pid.iter().all(u8::is_ascii_digit)).then_some(())
     };
-    let directory = if directory.as_os_str().is_empty() { Path::new(".") } else { directory };
+    let directory = if directory.as_os_str().is_empty() {
+        Path::new(".")
+    } else {
+        directory
+    };
     for entry in fs::read_dir(directory).into_iter().flatten().flatten() {
         if is_stale(&entry.file_name()).is_some() {
             let _ = fs::remove_file(entry.path());

@@ -8,9 +8,7 @@ use std::cell::Cell;
 
 use super::layout::{self, LINE_WORDS, WORD_BYTES, header, input_entry, slot_entry};
 use super::protocol::Slot;
-use super::spec::{
-    ChannelSpec, Directory, InputSpec, MAX_TEXT_BYTES, SlotSpec, SpecError, TableSpec,
-};
+use super::spec::{ChannelSpec, Directory, InputSpec, MAX_TEXT_BYTES, SlotSpec, SpecError, TableSpec};
 use crate::clock::DaemonTime;
 use crate::counters::{InputCounters, ScheduleCounters};
 use crate::record::{MAX_CHANNELS, MAX_FAULTS};
@@ -51,13 +49,21 @@ pub(super) struct Image {
 
 /// Writes a directory as words.
 pub(super) fn encode(directory: &Directory) -> Result<Image, SpecError> {
-    let Directory { spec, epoch, boot_id, pid } = directory;
+    let Directory {
+        spec,
+        epoch,
+        boot_id,
+        pid,
+    } = directory;
     spec.check()?;
     let slot_entries = header::WORDS;
     let input_entries = slot_entries + spec.slots.len() * slot_entry::WORDS;
     let mut words = vec![0; input_entries + spec.inputs.len() * input_entry::WORDS];
     for (index, slot) in spec.slots.iter().enumerate() {
-        let channels = slot.channels.iter().flat_map(|channel| [&channel.name, &channel.unit]);
+        let channels = slot
+            .channels
+            .iter()
+            .flat_map(|channel| [&channel.name, &channel.unit]);
         let entry = [
             (slot_entry::NAME, push_text(&mut words, &slot.name)?),
             (slot_entry::METHOD, push_text(&mut words, &slot.method)?),
@@ -140,14 +146,22 @@ pub(super) fn encode(directory: &Directory) -> Result<Image, SpecError> {
         words[field] = word;
     }
     words[header::CHECKSUM] = layout::fnv(layout::FNV_START, &words);
-    Ok(Image { words, total_words: end, slots, inputs })
+    Ok(Image {
+        words,
+        total_words: end,
+        slots,
+        inputs,
+    })
 }
 
 /// Reads a directory from `words` (header, entries and texts, magic and version already checked).
 ///
 /// The error says what was found to be wrong.
 pub(super) fn decode(words: &[u64]) -> Result<(Directory, Image), String> {
-    let source = Source { words, text_words_left: Cell::new(words.len()) };
+    let source = Source {
+        words,
+        text_words_left: Cell::new(words.len()),
+    };
     let count = |field: usize, what: &str| {
         usize::try_from(source.at(field)?).map_err(|_| format!("the number of {what} is absurd"))
     };
@@ -179,8 +193,7 @@ pub(super) fn decode(words: &[u64]) -> Result<(Directory, Image), String> {
     };
     let image = encode(&directory).map_err(|error| error.to_string())?;
     let differs = (0..words.len().max(image.words.len())).find(|index| {
-        words.get(*index) != image.words.get(*index)
-            && !matches!(*index, header::STATE | header::HEARTBEAT)
+        words.get(*index) != image.words.get(*index) && !matches!(*index, header::STATE | header::HEARTBEAT)
     });
     match differs {
         None => Ok((directory, image)),
@@ -218,8 +231,10 @@ fn push_texts<'a>(
     words: &mut Vec<u64>,
     texts: impl IntoIterator<Item = &'a String>,
 ) -> Result<u64, SpecError> {
-    let list: Vec<u64> =
-        texts.into_iter().map(|text| push_text(words, text)).collect::<Result<_, _>>()?;
+    let list: Vec<u64> = texts
+        .into_iter()
+        .map(|text| push_text(words, text))
+        .collect::<Result<_, _>>()?;
     let offset = bytes(words.len());
     words.extend(list);
     Ok(offset)
@@ -236,7 +251,12 @@ struct Source<'a> {
 impl Source<'_> {
     fn at(&self, index: usize) -> Result<u64, String> {
         let word = self.words.get(index).copied();
-        word.ok_or_else(|| format!("it refers to byte {}, outside itself", index.saturating_mul(WORD_BYTES)))
+        word.ok_or_else(|| {
+            format!(
+                "it refers to byte {}, outside itself",
+                index.saturating_mul(WORD_BYTES)
+            )
+        })
     }
 
     /// The byte offset at `index`, as the index of a word.
@@ -252,7 +272,12 @@ impl Source<'_> {
     fn small(&self, index: usize, limit: usize) -> Result<usize, String> {
         let number = self.at(index)?;
         let small = usize::try_from(number).ok().filter(|number| *number <= limit);
-        small.ok_or_else(|| format!("the number {number} at byte {} is above {limit}", index * WORD_BYTES))
+        small.ok_or_else(|| {
+            format!(
+                "the number {number} at byte {} is above {limit}",
+                index * WORD_BYTES
+            )
+        })
     }
 
     /// The text to which the word at `index` refers.
@@ -283,7 +308,10 @@ impl Source<'_> {
         let channel_count = self.small(entry + slot_entry::CHANNEL_COUNT, MAX_CHANNELS)?;
         let texts = self.texts(entry + slot_entry::CHANNELS, 2 * channel_count)?;
         let (pairs, _) = texts.as_chunks::<2>();
-        let channel = |[name, unit]: &[String; 2]| ChannelSpec { name: name.clone(), unit: unit.clone() };
+        let channel = |[name, unit]: &[String; 2]| ChannelSpec {
+            name: name.clone(),
+            unit: unit.clone(),
+        };
         let fault_count = self.small(entry + slot_entry::FAULT_COUNT, MAX_FAULTS)?;
         Ok(SlotSpec {
             name: self.text(entry + slot_entry::NAME)?,

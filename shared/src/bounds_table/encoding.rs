@@ -27,7 +27,9 @@ fn split(word: u64) -> (u32, u32) {
 
 /// Writes `record` to `cell`. Channels for which the cell has no room are left out.
 pub fn store_record<W: WriteWord>(cell: &[W], record: &StepRecord) {
-    let Some((head, body)) = cell.split_at_checked(RECORD_HEAD_WORDS) else { return };
+    let Some((head, body)) = cell.split_at_checked(RECORD_HEAD_WORDS) else {
+        return;
+    };
     let room = body.len() / CHANNEL_WORDS;
     let channels = &record.channels()[..record.channels().len().min(room)];
     let words: [u64; RECORD_HEAD_WORDS] = [
@@ -56,7 +58,9 @@ pub fn store_record<W: WriteWord>(cell: &[W], record: &StepRecord) {
 ///
 /// Any words give some record: a count larger than the cell's room is cut down to it.
 pub fn load_record<W: ReadWord>(cell: &[W], record: &mut StepRecord) {
-    let Some((head, body)) = cell.split_at_checked(RECORD_HEAD_WORDS) else { return };
+    let Some((head, body)) = cell.split_at_checked(RECORD_HEAD_WORDS) else {
+        return;
+    };
     let room = (body.len() / CHANNEL_WORDS).min(record.channels.len()) as u32;
     record.step = head[0].load();
     record.instant_ns = head[1].load();
@@ -71,7 +75,12 @@ pub fn load_record<W: ReadWord>(cell: &[W], record: &mut StepRecord) {
     record.channel_count = channel_count.min(room);
     for (words, channel) in body.chunks_exact(CHANNEL_WORDS).zip(record.channels_mut()) {
         let value = |index: usize| f64::from_bits(words[index].load());
-        *channel = Channel { lower: value(0), residual: value(1), upper: value(2), ratio: value(3) };
+        *channel = Channel {
+            lower: value(0),
+            residual: value(1),
+            upper: value(2),
+            ratio: value(3),
+        };
     }
 }
 

@@ -36,7 +36,11 @@ pub(super) struct WritableMapping(MmapRaw);
 impl WritableMapping {
     /// Maps the first `words` words of `file`, which must be that long, with all pages present.
     pub(super) fn new(file: &File, words: usize) -> io::Result<Self> {
-        MmapOptions::new().len(words * WORD_BYTES).populate().map_raw(file).map(Self)
+        MmapOptions::new()
+            .len(words * WORD_BYTES)
+            .populate()
+            .map_raw(file)
+            .map(Self)
     }
 
     /// The words.
@@ -55,7 +59,10 @@ pub(super) struct ReadOnlyMapping(MmapRaw);
 impl ReadOnlyMapping {
     /// Maps the first `words` words of `file`, which must be that long.
     pub(super) fn new(file: &File, words: usize) -> io::Result<Self> {
-        MmapOptions::new().len(words * WORD_BYTES).map_raw_read_only(file).map(Self)
+        MmapOptions::new()
+            .len(words * WORD_BYTES)
+            .map_raw_read_only(file)
+            .map(Self)
     }
 
     /// The words.

@@ -93,8 +93,14 @@ pub(super) struct Opened {
 
 /// Opens and checks the table at `path`.
 pub(super) fn open(path: &Path) -> Result<Opened, OpenError> {
-    let failed = |source| OpenError::Io { path: path.into(), source };
-    let not_a_table = |found: &str| OpenError::NotATable { path: path.into(), found: found.into() };
+    let failed = |source| OpenError::Io {
+        path: path.into(),
+        source,
+    };
+    let not_a_table = |found: &str| OpenError::NotATable {
+        path: path.into(),
+        found: found.into(),
+    };
     let file = open_file(path)?;
     let metadata = file.metadata().map_err(failed)?;
     if !metadata.is_file() {
@@ -111,13 +117,24 @@ pub(super) fn open(path: &Path) -> Result<Opened, OpenError> {
     }
     let (version, hash) = (words[header::VERSION].load(), words[header::HASH].load());
     if (version, hash) != (VERSION, HASH) {
-        return Err(OpenError::OtherLayout { path: path.into(), version, hash });
+        return Err(OpenError::OtherLayout {
+            path: path.into(),
+            version,
+            hash,
+        });
     }
     let expected = words[header::TOTAL_BYTES].load();
     if expected > metadata.len() {
-        return Err(OpenError::Truncated { path: path.into(), actual: metadata.len(), expected });
+        return Err(OpenError::Truncated {
+            path: path.into(),
+            actual: metadata.len(),
+            expected,
+        });
     }
-    let damaged = |found: String| OpenError::Damaged { path: path.into(), found };
+    let damaged = |found: String| OpenError::Damaged {
+        path: path.into(),
+        found,
+    };
     let directory_words = words[header::DIRECTORY_BYTES].load() / WORD_BYTES as u64;
     let directory_words = usize::try_from(directory_words)
         .ok()
@@ -129,18 +146,30 @@ pub(super) fn open(path: &Path) -> Result<Opened, OpenError> {
     if image.total_words > mapped_words {
         return Err(damaged("its slots lie outside the file".into()));
     }
-    Ok(Opened { mapping, directory, image, file: (metadata.dev(), metadata.ino()) })
+    Ok(Opened {
+        mapping,
+        directory,
+        image,
+        file: (metadata.dev(), metadata.ino()),
+    })
 }
 
 /// Opens the file read-only; a FIFO or device at the path does not block.
 fn open_file(path: &Path) -> Result<File, OpenError> {
-    let opened = OpenOptions::new().read(true).custom_flags(OFlag::O_NONBLOCK.bits()).open(path);
+    let opened = OpenOptions::new()
+        .read(true)
+        .custom_flags(OFlag::O_NONBLOCK.bits())
+        .open(path);
     opened.map_err(|source| match source.kind() {
         io::ErrorKind::NotFound => OpenError::NotFound { path: path.into() },
-        io::ErrorKind::PermissionDenied => {
-            OpenError::PermissionDenied { path: path.into(), advice: advice(path) }
-        }
-        _ => OpenError::Io { path: path.into(), source },
+        io::ErrorKind::PermissionDenied => OpenError::PermissionDenied {
+            path: path.into(),
+            advice: advice(path),
+        },
+        _ => OpenError::Io {
+            path: path.into(),
+            source,
+        },
     })
 }
 
@@ -151,10 +180,16 @@ fn advice(path: &Path) -> String {
     };
     let (uid, gid) = (Uid::from_raw(metadata.uid()), Gid::from_raw(metadata.gid()));
     if metadata.mode() & 0o040 != 0 {
-        let name = Group::from_gid(gid).ok().flatten().map_or_else(|| gid.to_string(), |group| group.name);
+        let name = Group::from_gid(gid)
+            .ok()
+            .flatten()
+            .map_or_else(|| gid.to_string(), |group| group.name);
         format!("it is open to the group `{name}` (gid {gid}): become a member and log in again")
     } else {
-        let name = User::from_uid(uid).ok().flatten().map_or_else(|| uid.to_string(), |user| user.name);
+        let name = User::from_uid(uid)
+            .ok()
+            .flatten()
+            .map_or_else(|| uid.to_string(), |user| user.name);
         format!("it is open to the user `{name}` only: configure a group for the bounds table")
     }
 }

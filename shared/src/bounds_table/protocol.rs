@@ -16,8 +16,9 @@
 //! | reader, after the copy | acquire fence | the same: it pairs with the writer's fence |
 //!
 //! The reader's first look is a relaxed load with a fence behind it, not an acquire load: on a read-only mapping
-//! Rust defines relaxed atomic loads only. The tests explore every interleaving and every
-//! reordering that the memory model allows, and find each of the four left out.
+//! Rust defines relaxed atomic loads only. A test explores the interleavings and reorderings that
+//! the memory model allows, and notices when the store's ordering, the release fence or the acquire fences are left
+//! out.
 
 use std::hint;
 use std::sync::atomic::{AtomicU64, Ordering, fence};
@@ -39,6 +40,10 @@ pub trait ReadWord {
 
 /// A word that the one writer may change.
 pub trait WriteWord: ReadWord {
+    /// The value that the writer itself stored last.
+    fn load_own(&self) -> u64 {
+        self.load()
+    }
     /// A relaxed store.
     fn store(&self, value: u64);
     /// A store of release ordering.
@@ -101,7 +106,7 @@ impl<W: WriteWord> Slot<'_, W> {
     ///
     /// There must be one writer at a time. If `write` never returns, readers keep the record before.
     pub fn publish(&self, write: impl FnOnce(&[W])) {
-        let next = self.sequence.load().wrapping_add(1);
+        let next = self.sequence.load_own().wrapping_add(1);
         // Everything stored before (above all the sequence word of the last record) is seen by a reader that
         // sees any word stored below.
         W::release_fence();
@@ -144,7 +149,10 @@ mod tests {
     }
 
     fn slot(words: &[AtomicU64; 5]) -> Slot<'_, AtomicU64> {
-        Slot { sequence: &words[0], cells: [&words[1..3], &words[3..5]] }
+        Slot {
+            sequence: &words[0],
+            cells: [&words[1..3], &words[3..5]],
+        }
     }
 
     fn copy(cell: &[AtomicU64]) -> [u64; 2] {
@@ -158,7 +166,13 @@ mod tests {
         assert_eq!(slot.read(1, copy), Read::Empty);
         for number in 1..=5 {
             slot.publish(|cell| cell.iter().for_each(|word| WriteWord::store(word, 10 * number)));
-            assert_eq!(slot.read(1, copy), Read::Whole { number, value: [10 * number; 2] });
+            assert_eq!(
+                slot.read(1, copy),
+                Read::Whole {
+                    number,
+                    value: [10 * number; 2]
+                }
+            );
         }
     }
 
@@ -174,7 +188,13 @@ mod tests {
             });
         }));
         assert!(death.is_err());
-        assert_eq!(slot.read(1, copy), Read::Whole { number: 1, value: [7; 2] });
+        assert_eq!(
+            slot.read(1, copy),
+            Read::Whole {
+                number: 1,
+                value: [7; 2]
+            }
+        );
     }
 
     #[test]

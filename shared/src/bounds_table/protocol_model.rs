@@ -17,11 +17,17 @@ const ACQUIRE_FENCE: u8 = 4;
 const ALL: u8 = PUBLISH_ORDERED | RELEASE_FENCE | ACQUIRE_FENCE;
 
 /// A word with the given orderings; those left out are relaxed.
-struct Word<const ORDERINGS: u8>(AtomicU64);
+///
+/// The writer's look at its own word is kept from loom, which remembers only the latest access of a word when it
+/// decides what to reorder: the writer's load would hide the reader's, and nothing would be explored.
+struct Word<const ORDERINGS: u8> {
+    word: AtomicU64,
+    own: std::sync::atomic::AtomicU64,
+}
 
 impl<const ORDERINGS: u8> ReadWord for Word<ORDERINGS> {
     fn load(&self) -> u64 {
-        self.0.load(Ordering::Relaxed)
+        self.word.load(Ordering::Relaxed)
     }
 
     fn acquire_fence() {
@@ -32,13 +38,26 @@ impl<const ORDERINGS: u8> ReadWord for Word<ORDERINGS> {
 }
 
 impl<const ORDERINGS: u8> WriteWord for Word<ORDERINGS> {
+    fn load_own(&self) -> u64 {
+        self.own.load(Ordering::Relaxed)
+    }
+
     fn store(&self, value: u64) {
-        self.0.store(value, Ordering::Relaxed);
+        self.own.store(value, Ordering::Relaxed);
+        self.word.store(value, Ordering::Relaxed);
     }
 
     fn store_release(&self, value: u64) {
         let ordered = ORDERINGS & PUBLISH_ORDERED != 0;
-        self.0.store(value, if ordered { Ordering::Release } else { Ordering::Relaxed });
+        self.own.store(value, Ordering::Relaxed);
+        self.word.store(
+            value,
+            if ordered {
+                Ordering::Release
+            } else {
+                Ordering::Relaxed
+            },
+        );
     }
 
     fn release_fence() {
@@ -53,11 +72,17 @@ struct Words<const ORDERINGS: u8>([Word<ORDERINGS>; 5]);
 
 impl<const ORDERINGS: u8> Words<ORDERINGS> {
     fn new() -> Self {
-        Self(std::array::from_fn(|_| Word(AtomicU64::new(0))))
+        Self(std::array::from_fn(|_| Word {
+            word: AtomicU64::new(0),
+            own: 0.into(),
+        }))
     }
 
     fn slot(&self) -> Slot<'_, Word<ORDERINGS>> {
-        Slot { sequence: &self.0[0], cells: [&self.0[1..3], &self.0[3..5]] }
+        Slot {
+            sequence: &self.0[0],
+            cells: [&self.0[1..3], &self.0[3..5]],
+        }
     }
 }
 
@@ -69,7 +94,9 @@ fn explore<const ORDERINGS: u8>(records: u64) {
             let words = Arc::clone(&words);
             thread::spawn(move || {
                 for number in 1..=records {
-                    words.slot().publish(|cell| cell.iter().for_each(|word| word.store(number)));
+                    words
+                        .slot()
+                        .publish(|cell| cell.iter().for_each(|word| word.store(number)));
                 }
             })
         };
@@ -87,7 +114,13 @@ fn explore<const ORDERINGS: u8>(records: u64) {
         }
         writer.join().unwrap();
         let last = words.slot().read(1, |cell| [cell[0].load(), cell[1].load()]);
-        assert_eq!(last, Read::Whole { number: records, value: [records; 2] });
+        assert_eq!(
+            last,
+            Read::Whole {
+                number: records,
+                value: [records; 2]
+            }
+        );
     });
 }
 
@@ -103,7 +136,10 @@ fn no_reader_ever_sees_a_torn_record_or_goes_backwards() {
 
 #[test]
 fn the_exploration_notices_each_ordering_that_is_left_out() {
-    assert!(finds_a_fault::<{ ALL & !PUBLISH_ORDERED }>(), "sequence word stored relaxed");
+    assert!(
+        finds_a_fault::<{ ALL & !PUBLISH_ORDERED }>(),
+        "sequence word stored relaxed"
+    );
     assert!(finds_a_fault::<{ ALL & !RELEASE_FENCE }>(), "no release fence");
     assert!(finds_a_fault::<{ ALL & !ACQUIRE_FENCE }>(), "no acquire fences");
 }

@@ -99,8 +99,15 @@ impl TableReader {
     /// use.
     pub fn read(&self, slot: usize, record: &mut StepRecord) -> Result<ReadOutcome, ReadError> {
         let count = self.image.slots.len();
-        let place = self.image.slots.get(slot).ok_or(ReadError::NoSuchSlot { slot, count })?;
-        match place.slot(self.mapping.words()).read(READ_ATTEMPTS, |cell| load_record(cell, record)) {
+        let place = self
+            .image
+            .slots
+            .get(slot)
+            .ok_or(ReadError::NoSuchSlot { slot, count })?;
+        match place
+            .slot(self.mapping.words())
+            .read(READ_ATTEMPTS, |cell| load_record(cell, record))
+        {
             Read::Empty => Ok(ReadOutcome::NeverWritten),
             Read::Whole { number, .. } => Ok(ReadOutcome::Record { number }),
             Read::Contended => Err(ReadError::Contended { slot }),
@@ -114,7 +121,11 @@ impl TableReader {
     /// [`ReadError::NoSuchSlot`].
     pub fn read_schedule_counters(&self, slot: usize) -> Result<ScheduleCounters, ReadError> {
         let count = self.image.slots.len();
-        let place = self.image.slots.get(slot).ok_or(ReadError::NoSuchSlot { slot, count })?;
+        let place = self
+            .image
+            .slots
+            .get(slot)
+            .ok_or(ReadError::NoSuchSlot { slot, count })?;
         Ok(ScheduleCounters::from_words(self.load(place.counters)))
     }
 
@@ -125,7 +136,11 @@ impl TableReader {
     /// [`ReadError::NoSuchInput`].
     pub fn read_input_counters(&self, input: usize) -> Result<InputCounters, ReadError> {
         let count = self.image.inputs.len();
-        let place = self.image.inputs.get(input).ok_or(ReadError::NoSuchInput { input, count })?;
+        let place = self
+            .image
+            .inputs
+            .get(input)
+            .ok_or(ReadError::NoSuchInput { input, count })?;
         Ok(InputCounters::from_words(self.load(*place)))
     }
 
@@ -135,7 +150,11 @@ impl TableReader {
             return Liveness::Closed;
         }
         let words = self.mapping.words();
-        Liveness::judge(words[header::STATE].load(), words[header::HEARTBEAT].load(), now_ns)
+        Liveness::judge(
+            words[header::STATE].load(),
+            words[header::HEARTBEAT].load(),
+            now_ns,
+        )
     }
 
     /// Whether the path leads to another file by now (one system call): the daemon has been started again.

@@ -163,13 +163,20 @@ impl TableSpec {
 impl SlotSpec {
     fn check(&self) -> Result<(), SpecError> {
         if self.period_ns == 0 {
-            return Err(SpecError::Period { diagnoser: self.name.clone() });
+            return Err(SpecError::Period {
+                diagnoser: self.name.clone(),
+            });
         }
         let within = |what, count, limit| {
             if count <= limit {
                 return Ok(());
             }
-            Err(SpecError::TooMany { diagnoser: self.name.clone(), what, count, limit })
+            Err(SpecError::TooMany {
+                diagnoser: self.name.clone(),
+                what,
+                count,
+                limit,
+            })
         };
         within("channels", self.channels.len(), MAX_CHANNELS)?;
         within("faults", self.faults.len(), MAX_FAULTS)
@@ -183,7 +190,10 @@ fn unique<'a>(kind: &'static str, names: impl Iterator<Item = &'a str>) -> Resul
             return Err(SpecError::Unnamed { kind, index });
         }
         if !seen.insert(name) {
-            return Err(SpecError::Duplicate { kind, name: name.into() });
+            return Err(SpecError::Duplicate {
+                kind,
+                name: name.into(),
+            });
         }
     }
     Ok(())

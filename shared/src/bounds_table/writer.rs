@@ -41,7 +41,9 @@ impl TableWriter {
         let place = self.image.slots.get(slot);
         debug_assert!(place.is_some(), "no slot {slot}");
         if let Some(place) = place {
-            place.slot(self.mapping.words()).publish(|cell| store_record(cell, record));
+            place
+                .slot(self.mapping.words())
+                .publish(|cell| store_record(cell, record));
         }
     }
 
