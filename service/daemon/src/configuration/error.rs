@@ -80,14 +80,12 @@ pub struct Mistake {
 impl Mistake {
     /// The mistake at the bytes `span` of `source`.
     pub(super) fn new(source: &Source, span: Range<usize>, message: String, help: Option<String>) -> Self {
-        let start = span.start.min(source.text.len());
-        let before = source.text.get(..start).unwrap_or("");
-        let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
+        let (line, column) = line_and_column(&source.text, span.start);
         Self {
             message,
             help,
-            line: before.matches('\n').count() + 1,
-            column: before[line_start..].chars().count() + 1,
+            line,
+            column,
             span: span.into(),
             source_code: NamedSource::new(&source.name, Arc::clone(&source.text)),
         }
@@ -99,4 +97,11 @@ impl Mistake {
 pub(super) struct Source {
     pub name: String,
     pub text: Arc<str>,
+}
+
+/// Line and column (in characters) of a byte, both from 1.
+pub(super) fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
+    let before = text.get(..offset.min(text.len())).unwrap_or("");
+    let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
+    (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
 }

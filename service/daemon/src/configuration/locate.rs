@@ -1,6 +1,6 @@
 //! From dotted key paths to places in the text.
 
-use super::error::{ConfigurationError, Mistake, Source};
+use super::error::{ConfigurationError, Mistake, Source, line_and_column};
 use super::suggest::did_you_mean;
 use std::ops::Range;
 use toml::Spanned;
@@ -13,15 +13,21 @@ pub(super) struct Document<'t> {
 }
 
 impl<'t> Document<'t> {
-    /// Parses `source`; syntax mistakes go into the returned list.
-    pub fn parse(source: &'t Source) -> (Self, Vec<Mistake>) {
+    /// Parses `source`.
+    ///
+    /// # Errors
+    /// Every mistake of syntax.
+    pub fn parse(source: &'t Source) -> Result<Self, ConfigurationError> {
         let (root, errors) = DeTable::parse_recoverable(&source.text);
-        let syntax = |error: &toml::de::Error| {
+        if errors.is_empty() {
+            return Ok(Self { source, root });
+        }
+        let mistake = |error: &toml::de::Error| {
             let message = format!("not valid TOML: {}", error.message().trim_end());
             Mistake::new(source, error.span().unwrap_or(0..0), message, None)
         };
-        let mistakes = errors.iter().map(syntax).collect();
-        (Self { source, root }, mistakes)
+        let mistakes = errors.iter().map(mistake).collect();
+        Err(ConfigurationError::Mistakes { name: source.name.clone(), mistakes })
     }
 
     /// The bytes of the value at a dotted path such as `diagnoser.0.model.B` (`diagnoser[0].model.B` is the same);
@@ -62,6 +68,11 @@ impl<'d> Mistakes<'d> {
         self.at_span(self.document.span_of(path), message, help);
     }
 
+    /// The line, from 1, of the value at a dotted path.
+    pub fn line_of(&self, path: &str) -> usize {
+        line_and_column(&self.document.source.text, self.document.span_of(path).start).0
+    }
+
     /// Adds a mistake at bytes of the text.
     pub fn at_span(&mut self, span: Range<usize>, message: impl Into<String>, help: impl Into<String>) {
         let help = Some(help.into()).filter(|help| !help.is_empty());
@@ -78,12 +89,9 @@ impl<'d> Mistakes<'d> {
         self.list.is_empty()
     }
 
-    /// Nothing wrong, or the error with all mistakes in the order of their places.
-    pub fn finish(mut self) -> Result<(), ConfigurationError> {
-        if self.list.is_empty() {
-            return Ok(());
-        }
+    /// The error with all mistakes, in the order of their places.
+    pub fn into_error(mut self) -> ConfigurationError {
         self.list.sort_by_key(|mistake| (mistake.line, mistake.column));
-        Err(ConfigurationError::Mistakes { name: self.document.source.name.clone(), mistakes: self.list })
+        ConfigurationError::Mistakes { name: self.document.source.name.clone(), mistakes: self.list }
     }
 }

@@ -64,12 +64,18 @@ pub(super) struct Input {
     pub max_publishers: usize,
 }
 
-/// The keys that every method shares; the rest of `[[diagnoser]]` belongs to its method.
+/// The key of `[[diagnoser]]` that decides which keys its method has.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct DiagnoserMethod {
+    pub method: Method,
+}
+
+/// The other keys that every method shares; the rest of `[[diagnoser]]` belongs to its method.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Diagnoser {
     pub name: String,
-    pub method: Method,
     pub sample_time_s: f64,
     #[serde(default)]
     pub phase_s: f64,
