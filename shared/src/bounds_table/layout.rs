@@ -123,9 +123,14 @@ pub const fn whole_lines(words: usize) -> usize {
     words.next_multiple_of(LINE_WORDS)
 }
 
-/// Words of a cell for `channels` channels, filled up to whole lines.
+/// Words of a record with `channels` channels.
+pub const fn record_words(channels: usize) -> usize {
+    RECORD_HEAD_WORDS + CHANNEL_WORDS * channels
+}
+
+/// Words of a cell for a record with `channels` channels, filled up to whole lines.
 pub const fn cell_words(channels: usize) -> usize {
-    whole_lines(RECORD_HEAD_WORDS + CHANNEL_WORDS * channels)
+    whole_lines(record_words(channels))
 }
 
 /// Words of a slot block: the line of the sequence word and two cells.

@@ -47,6 +47,7 @@
 //! | n | number of the newest record of a slot, 1 for the first |
 
 mod create;
+mod decode;
 mod directory;
 pub mod encoding;
 pub mod layout;

@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 use nix::fcntl::OFlag;
 use nix::unistd::{Gid, Group, Uid, User};
 
-use super::directory::{Image, decode};
+use super::decode::decode;
+use super::directory::Image;
 use super::layout::{HASH, MAGIC, VERSION, WORD_BYTES, header};
 use super::mapping::ReadOnlyMapping;
 use super::protocol::ReadWord;
