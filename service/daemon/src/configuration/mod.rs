@@ -22,7 +22,7 @@ mod suggest;
 mod validate;
 
 pub use error::{ConfigurationError, Mistake};
-pub use load::Loaded;
+pub use load::{Loaded,BuiltDiagnoser};
 pub use method::{MethodConfiguration, MethodError};
 
 use residual_shared::names::{Instance, InstanceName};
