@@ -1,6 +1,7 @@
 //! What a user can set for a bank of unknown-input filters (method sheet 7).
 
 use super::certificate::ParityCertificate;
+pub use crate::zonotope::Reduction;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
 /// The part of a diagnoser's table that belongs to `method = "unknown_input_filter"`, without its model.
@@ -234,16 +235,6 @@ choice! {
         Fixed = "fixed",
         /// The minimiser of the Frobenius norm.
         Frobenius = "frobenius",
-    }
-}
-
-choice! {
-    /// Which columns the order reduction keeps (method sheet 4.3).
-    Reduction {
-        /// Largest 1-norm minus maximum norm after scaling: independent of units.
-        #[default] GirardScaled = "girard_scaled",
-        /// Largest euclidean norm, as in the paper.
-        Euclidean = "euclidean",
     }
 }
 
