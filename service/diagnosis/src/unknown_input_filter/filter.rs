@@ -350,30 +350,9 @@ pub(crate) fn reset_by_strip(plant: &Plant, strip: &Strip, y: &[f64], state: &mu
     state.update_radius();
 }
 
-/// Guaranteed bound x̄ of |x| (method sheet 4.4): the set, narrowed by the measurement where that is possible.
-pub(crate) fn state_bound(
-    plant: &Plant,
-    measured: &Measured,
-    state: &SetState,
-    strip_bound: Option<&[f64]>,
-    out: &mut [f64],
-) {
-    debug_assert!(strip_bound.is_none() || measured.is_complete(plant));
+/// Guaranteed bound x̄ of |x| by the set (method sheet 4.4); infinite where there is none.
+pub(crate) fn state_bound(plant: &Plant, state: &SetState, out: &mut [f64]) {
     for (i, bound) in out.iter_mut().enumerate() {
         *bound = state.centre[i].abs() + state.extent(i) * (1.0 + plant.epsilon);
-        if let Some(strip) = strip_bound {
-            *bound = bound.min(strip[i]);
-        }
-    }
-}
-
-/// |C⁺y| + |C⁺|v with its rounding error, the bound of |x| by a complete measurement alone.
-pub(crate) fn strip_state_bound(plant: &Plant, strip: &Strip, y: &[f64], scratch: &mut [f64], out: &mut [f64]) {
-    strip.centre(y, scratch);
-    for (value, radius) in scratch.iter_mut().zip(&strip.radius) {
-        *value = value.abs() + radius;
-    }
-    for (i, bound) in out.iter_mut().enumerate() {
-        *bound = scratch[i] * (1.0 + plant.epsilon) + strip.rounding_error(i, scratch, y, &plant.noise);
     }
 }

@@ -82,7 +82,8 @@ pub struct FilterOptions {
     /// Threshold of the innovation's norm, in units of y; required in the `kalman_3sigma` form, only there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub residual_norm_threshold: Option<f64>,
-    /// Free matrix S of the paper's equation (28), nx x ny, paper form only; default zero.
+    /// Free matrix S of the paper's equation (28), nx x ny; default zero. In the coupled form it only shapes the
+    /// test rows (I - CS) P. The fault-free mode has none.
     #[serde(rename = "S", skip_serializing_if = "Option::is_none")]
     pub s: Option<Vec<Vec<f64>>>,
     /// Typical |x|, length nx, state units, used for off-line optimisation only; default zero.
