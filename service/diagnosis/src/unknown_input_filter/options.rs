@@ -2,6 +2,7 @@
 
 use super::certificate::ParityCertificate;
 pub use crate::zonotope::Reduction;
+use super::modes::{FaultMode, enumerate_modes};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
 /// The part of a diagnoser's table that belongs to `method = "unknown_input_filter"`, without its model.
@@ -38,6 +39,17 @@ pub struct BankOptions {
     pub clear_samples: u32,
     /// How a filter restarts after an alarm: `"auto"` (default), `"strip"`, `"copy"` or `"none"`.
     pub reset: ResetRule,
+}
+
+impl BankOptions {
+    /// The modes of the bank for a plant with so many actuators (see [`enumerate_modes`]).
+    pub fn modes(&self, actuator_count: usize) -> Vec<FaultMode> {
+        enumerate_modes(
+            actuator_count,
+            self.fault_free_mode,
+            self.simultaneous_faults.contains(&2),
+        )
+    }
 }
 
 impl Default for BankOptions {
