@@ -9,12 +9,12 @@ use crate::runtime::companion::LogNames;
 use crate::runtime::engine::{DiagnoserUnit, Engine, InboxOptions};
 use crate::runtime::schedule::Timing;
 
-/// A configuration turned into an engine, with the names of everything in it.
-pub struct Assembly {
-    /// Ready to step.
-    pub engine: Engine,
-    /// What each diagnoser says in its records, by slot.
-    pub descriptions: Vec<Description>,
+/// What each diagnoser says in its records, by slot.
+pub fn descriptions(diagnosers: &[BuiltDiagnoser]) -> Vec<Description> {
+    diagnosers
+        .iter()
+        .map(|built| built.diagnoser.description().clone())
+        .collect()
 }
 
 /// Builds the engine: `diagnosers` in the order of the configuration, sampling instants counted from
@@ -25,7 +25,7 @@ pub fn assemble(
     diagnosers: Vec<BuiltDiagnoser>,
     epoch_ns: u64,
     speed: f64,
-) -> Assembly {
+) -> Engine {
     let inputs: Vec<InboxOptions> = configuration
         .inputs
         .iter()
@@ -35,8 +35,6 @@ pub fn assemble(
             max_ahead_ns: input.max_ahead_ns,
         })
         .collect();
-    let descriptions =
-        diagnosers.iter().map(|built| built.diagnoser.description().clone()).collect();
     let units = configuration
         .diagnosers
         .iter()
@@ -49,8 +47,7 @@ pub fn assemble(
             command_delay_steps: configured.command_delay_steps,
         })
         .collect();
-    let engine = Engine::new(epoch_ns, configuration.daemon.catch_up_limit, &inputs, units);
-    Assembly { engine, descriptions }
+    Engine::new(epoch_ns, configuration.daemon.catch_up_limit, &inputs, units)
 }
 
 fn timing(configured: &DiagnoserConfiguration, speed: f64) -> Timing {
@@ -78,17 +75,28 @@ pub fn table_spec(
         channels: description
             .channels
             .iter()
-            .map(|channel| ChannelSpec { name: channel.name.clone(), unit: channel.unit.clone() })
+            .map(|channel| ChannelSpec {
+                name: channel.name.clone(),
+                unit: channel.unit.clone(),
+            })
             .collect(),
         faults: description.faults.clone(),
     };
     TableSpec {
         instance: configuration.daemon.instance.to_string(),
-        slots: configuration.diagnosers.iter().zip(descriptions).map(slot).collect(),
+        slots: configuration
+            .diagnosers
+            .iter()
+            .zip(descriptions)
+            .map(slot)
+            .collect(),
         inputs: configuration
             .inputs
             .iter()
-            .map(|input| InputSpec { name: input.name.clone(), signals: input.signals.clone() })
+            .map(|input| InputSpec {
+                name: input.name.clone(),
+                signals: input.signals.clone(),
+            })
             .collect(),
         time,
         schedule_epoch_ns: epoch_ns,
@@ -105,6 +113,10 @@ pub fn log_names(configuration: &Configuration, descriptions: &[Description]) ->
             .zip(descriptions)
             .map(|(configured, description)| (configured.name.clone(), description.faults.clone()))
             .collect(),
-        inputs: configuration.inputs.iter().map(|input| input.name.clone()).collect(),
+        inputs: configuration
+            .inputs
+            .iter()
+            .map(|input| input.name.clone())
+            .collect(),
     }
 }

@@ -17,7 +17,9 @@ pub fn start(filter: &str) -> Result<WorkerGuard, ParseError> {
     let filter = std::env::var(FILTER_VARIABLE).unwrap_or_else(|_| filter.into());
     let filter = EnvFilter::try_new(filter)?;
     let (writer, guard) = NonBlocking::new(std::io::stderr());
-    let subscriber = tracing_subscriber::fmt().with_env_filter(filter).with_writer(writer);
+    let subscriber = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(writer);
     // A second start in one process (tests) keeps the first log.
     let _ = subscriber.try_init();
     iceoryx2_log::set_logger(&ICEORYX_LOG);

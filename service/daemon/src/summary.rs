@@ -85,7 +85,11 @@ impl Summary {
     /// The summary of an engine that has stopped.
     pub fn of(configuration: &Configuration, engine: &Engine) -> Self {
         let named = |names: &[&'static str], words: &[u64]| {
-            names.iter().map(|&name| name.into()).zip(words.iter().copied()).collect()
+            names
+                .iter()
+                .map(|&name| name.into())
+                .zip(words.iter().copied())
+                .collect()
         };
         Self {
             diagnosers: configuration
@@ -113,7 +117,12 @@ impl Summary {
     /// A counter of the first diagnoser that has it under this name, summed over all diagnosers.
     pub fn schedule_total(&self, counter: &str) -> u64 {
         let of = |diagnoser: &DiagnoserSummary| {
-            diagnoser.counters.iter().filter(|(name, _)| name == counter).map(|(_, value)| value).sum::<u64>()
+            diagnoser
+                .counters
+                .iter()
+                .filter(|(name, _)| name == counter)
+                .map(|(_, value)| value)
+                .sum::<u64>()
         };
         self.diagnosers.iter().map(of).sum()
     }
@@ -123,10 +132,18 @@ impl fmt::Display for Summary {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let counters = |counters: &[(String, u64)]| {
             let nonzero = counters.iter().filter(|(_, value)| *value > 0);
-            nonzero.map(|(name, value)| format!("{name} {value}")).collect::<Vec<_>>().join(", ")
+            nonzero
+                .map(|(name, value)| format!("{name} {value}"))
+                .collect::<Vec<_>>()
+                .join(", ")
         };
         for diagnoser in &self.diagnosers {
-            writeln!(formatter, "diagnoser {}: {}", diagnoser.name, counters(&diagnoser.counters))?;
+            writeln!(
+                formatter,
+                "diagnoser {}: {}",
+                diagnoser.name,
+                counters(&diagnoser.counters)
+            )?;
         }
         for input in &self.inputs {
             writeln!(formatter, "input {}: {}", input.name, counters(&input.counters))?;

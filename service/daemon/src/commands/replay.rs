@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
+use miette::Diagnostic;
 use residual_diagnosis::diagnoser::Description;
 use residual_shared::record::StepRecord;
 
@@ -46,10 +47,11 @@ pub struct ReplayArguments {
 }
 
 /// Why a replay failed.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, Diagnostic)]
 pub enum ReplayError {
     /// The configuration is wrong.
     #[error(transparent)]
+    #[diagnostic(transparent)]
     Configuration(#[from] ConfigurationError),
     /// The configuration has no `[replay]` section.
     #[error("`{0}` has no [replay] section: say there which columns feed which input")]
@@ -67,7 +69,9 @@ pub enum ReplayError {
     #[error("no run is selected; the recording has the runs: {0}")]
     NoRun(String),
     /// A daemon cannot be reset between runs.
-    #[error("{0} runs are selected, but a replay through the daemon takes one at a time; choose it with --runs NAME")]
+    #[error(
+        "{0} runs are selected, but a replay through the daemon takes one at a time; choose it with --runs NAME"
+    )]
     SeveralRuns(usize),
     /// The daemon could not be fed.
     #[error(transparent)]
@@ -102,9 +106,13 @@ impl Replay {
             .replay
             .as_ref()
             .ok_or_else(|| ReplayError::NoReplaySection(configuration.clone()))?;
-        let mut recording =
-            Recording::read(recording, &replay.time_column, replay.run_column.as_deref())?;
-        let names = recording.runs.iter().map(|run| run.name.as_str()).collect::<Vec<_>>().join(", ");
+        let mut recording = Recording::read(recording, &replay.time_column, replay.run_column.as_deref())?;
+        let names = recording
+            .runs
+            .iter()
+            .map(|run| run.name.as_str())
+            .collect::<Vec<_>>()
+            .join(", ");
         let mut position = 0;
         recording.runs.retain(|run| {
             position += 1;
@@ -117,7 +125,11 @@ impl Replay {
             fault.inject(&mut recording)?;
         }
         let mapping = Mapping::new(&loaded.configuration, replay, &recording)?;
-        Ok(Self { loaded, recording, mapping })
+        Ok(Self {
+            loaded,
+            recording,
+            mapping,
+        })
     }
 
     /// The selected runs.
@@ -128,7 +140,12 @@ impl Replay {
     /// Replays one run in this process; `take` gets every record.
     pub fn simulate(&self, run: &Run, take: impl FnMut(ReplayRecord)) -> Result<(), ReplayError> {
         let diagnosers = self.loaded.build_diagnosers()?;
-        simulated::replay(&self.loaded.configuration, diagnosers, &self.mapping.samples(run), take);
+        simulated::replay(
+            &self.loaded.configuration,
+            diagnosers,
+            &self.mapping.samples(run),
+            take,
+        );
         Ok(())
     }
 }
@@ -151,8 +168,11 @@ pub fn execute(arguments: &ReplayArguments) -> Result<(), ReplayError> {
         .zip(replay.loaded.build_diagnosers()?)
         .map(|(configured, built)| (configured.name.clone(), built.diagnoser.description().clone()))
         .collect();
-    let mut writer =
-        arguments.records.as_deref().map(|path| RecordWriter::create(path, &descriptions)).transpose()?;
+    let mut writer = arguments
+        .records
+        .as_deref()
+        .map(|path| RecordWriter::create(path, &descriptions))
+        .transpose()?;
 
     let mut report = Report::new(descriptions, !arguments.totals);
     let samples = replay.runs().iter().map(|run| run.rows.len() as u64).sum();
@@ -215,7 +235,14 @@ struct Report {
 impl Report {
     fn new(diagnosers: Vec<(String, Description)>, each_run: bool) -> Self {
         let all = vec![Vec::new(); diagnosers.len()];
-        Self { diagnosers, each_run, run: String::new(), onset_ns: None, outcomes: Vec::new(), all }
+        Self {
+            diagnosers,
+            each_run,
+            run: String::new(),
+            onset_ns: None,
+            outcomes: Vec::new(),
+            all,
+        }
     }
 
     fn begin(&mut self, run: &Run, onset_ns: Option<u64>) {
@@ -231,8 +258,16 @@ impl Report {
     fn end(&mut self) {
         for (slot, outcome) in self.outcomes.iter().enumerate() {
             if self.each_run {
-                let run = if self.run.is_empty() { String::new() } else { format!("run {} · ", self.run) };
-                println!("{run}{}: {}", self.diagnosers[slot].0, self.describe(slot, outcome));
+                let run = if self.run.is_empty() {
+                    String::new()
+                } else {
+                    format!("run {} · ", self.run)
+                };
+                println!(
+                    "{run}{}: {}",
+                    self.diagnosers[slot].0,
+                    self.describe(slot, outcome)
+                );
             }
             self.all[slot].push((outcome.clone(), self.onset_ns));
         }
@@ -270,7 +305,10 @@ impl Report {
                 sum(|outcome| outcome.steps),
                 sum(|outcome| outcome.evaluated),
                 sum(|outcome| outcome.false_alarms),
-                outcomes.iter().filter(|(outcome, _)| outcome.false_alarms > 0).count(),
+                outcomes
+                    .iter()
+                    .filter(|(outcome, _)| outcome.false_alarms > 0)
+                    .count(),
             );
             let delays: Vec<u64> = outcomes
                 .iter()
@@ -280,12 +318,12 @@ impl Report {
                 continue;
             }
             let detected = delays.len();
-            let delay = median(delays)
-                .map_or("-".into(), |delay| format!("{:.3} s", delay as f64 * 1e-9));
+            let delay = median(delays).map_or("-".into(), |delay| format!("{:.3} s", delay as f64 * 1e-9));
             println!("{name}: fault detected in {detected} of {runs} runs, median delay {delay}");
             for (bit, fault) in description.faults.iter().enumerate() {
-                let isolated =
-                    outcomes.iter().filter(|(o, _)| o.isolated.is_some_and(|(_, set)| set >> bit & 1 == 1));
+                let isolated = outcomes
+                    .iter()
+                    .filter(|(o, _)| o.isolated.is_some_and(|(_, set)| set >> bit & 1 == 1));
                 println!("{name}: isolated {fault} in {} of {runs} runs", isolated.count());
             }
         }

@@ -12,7 +12,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
 use tracing::{info, warn};
 
-use crate::assembly::{Assembly, assemble, log_names, table_spec};
+use crate::assembly::{assemble, descriptions, log_names, table_spec};
 use crate::configuration::{BuiltDiagnoser, Configuration};
 use crate::runtime::companion::Companion;
 use crate::runtime::live::{Publication, StepLoop};
@@ -81,30 +81,57 @@ fn monitor(
         .inputs
         .iter()
         .map(|input| {
-            SampleSubscriber::create(&node, instance, &input.name, input.buffer_samples, input.max_publishers)
+            SampleSubscriber::create(
+                &node,
+                instance,
+                &input.name,
+                input.buffer_samples,
+                input.max_publishers,
+            )
         })
         .collect::<Result<Vec<_>, _>>()?;
 
-    let time = DaemonTime { origin_ns: monotonic_ns(), speed };
-    let epoch_ns = time.from_monotonic(time.origin_ns + HEAD_START_NS);
-    let Assembly { engine, descriptions } = assemble(configuration, diagnosers, epoch_ns, speed);
+    let descriptions = descriptions(&diagnosers);
     let (sender, receiver) = rtrb::RingBuffer::new(configuration.daemon.record_queue);
     let names = log_names(configuration, &descriptions);
     let companion = Companion::start(instance.clone(), names, receiver)?;
+    // After the companion, which shall keep the usual scheduling, and before the epoch: locking memory takes
+    // longer than a sampling period.
+    real_time::apply(&configuration.realtime);
 
-    let access = Access { group: configuration.daemon.group, mode: configuration.daemon.mode };
+    let time = DaemonTime {
+        origin_ns: monotonic_ns(),
+        speed,
+    };
+    let epoch_ns = time.from_monotonic(time.origin_ns + HEAD_START_NS);
+    let engine = assemble(configuration, diagnosers, epoch_ns, speed);
+
+    let access = Access {
+        group: configuration.daemon.group,
+        mode: configuration.daemon.mode,
+    };
     let spec = table_spec(configuration, &descriptions, time, epoch_ns);
     let table = TableWriter::create(&instance.bounds_path(), &spec, &access)?;
-    let publication =
-        Publication::new(table, sender, configuration.inputs.len(), configuration.diagnosers.len());
-    real_time::apply(&configuration.realtime);
+    let publication = Publication::new(
+        table,
+        sender,
+        configuration.inputs.len(),
+        configuration.diagnosers.len(),
+    );
     info!(
         instance = %instance.name,
         table = %instance.bounds_path().display(),
         diagnosers = configuration.diagnosers.len(),
         "running"
     );
-    let engine = StepLoop { engine, subscribers, publication, time, stop }.run();
+    let engine = StepLoop {
+        engine,
+        subscribers,
+        publication,
+        time,
+        stop,
+    }
+    .run();
     drop(companion);
     info!("stopped");
     Ok(Summary::of(configuration, &engine))

@@ -38,7 +38,11 @@ impl MethodError {
     /// Messages of the methods read "what is wrong; what to do".
     fn new(key: String, message: &str) -> Self {
         let (message, help) = message.split_once("; ").unwrap_or((message, ""));
-        Self { key, message: message.to_owned(), help: help.to_owned() }
+        Self {
+            key,
+            message: message.to_owned(),
+            help: help.to_owned(),
+        }
     }
 }
 
@@ -132,7 +136,11 @@ impl Method {
         mistakes: &mut Mistakes<'_>,
     ) -> Option<MethodConfiguration> {
         let Some(model) = table.get("model") else {
-            mistakes.at_span(span, "missing table `[diagnoser.model]`", "add the model of the plant");
+            mistakes.at_span(
+                span,
+                "missing table `[diagnoser.model]`",
+                "add the model of the plant",
+            );
             return None;
         };
         let DeValue::Table(entries) = model.get_ref() else {
@@ -149,7 +157,10 @@ impl Method {
                 let model = read(entries, model.span(), &model_path, &[], mistakes);
                 let skip = [others, &["model".to_owned()]].concat();
                 let options = read(table, span, path, &skip, mistakes);
-                Some(MethodConfiguration::UnknownInputFilter { model: model?, options: options? })
+                Some(MethodConfiguration::UnknownInputFilter {
+                    model: model?,
+                    options: options?,
+                })
             }
         }
     }

@@ -22,7 +22,9 @@ mod suggest;
 mod validate;
 
 pub use error::{ConfigurationError, Mistake};
-pub use load::{Loaded,BuiltDiagnoser};
+pub use load::Loaded;
+mod build;
+pub use build::BuiltDiagnoser;
 pub use method::{MethodConfiguration, MethodError};
 
 use residual_shared::names::{Instance, InstanceName};

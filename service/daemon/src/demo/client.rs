@@ -104,17 +104,30 @@ pub fn execute(arguments: &ClientArguments, output: &mut impl Write) -> Result<(
     let instance = Instance::new(arguments.instance.clone(), &arguments.runtime_directory);
     let mut monitor = Monitor::open(&instance)?;
     let followed = monitor.follow(DIAGNOSER)?;
-    let slot = monitor
-        .table()
-        .and_then(|table| table.directory().spec.slots.iter().find(|slot| slot.name == DIAGNOSER).cloned());
-    let mut viewer = Viewer { slot: slot.unwrap_or_else(no_slot), report: ClientReport::default(), arguments };
+    let slot = monitor.table().and_then(|table| {
+        table
+            .directory()
+            .spec
+            .slots
+            .iter()
+            .find(|slot| slot.name == DIAGNOSER)
+            .cloned()
+    });
+    let mut viewer = Viewer {
+        slot: slot.unwrap_or_else(no_slot),
+        report: ClientReport::default(),
+        arguments,
+    };
     let mut record = StepRecord::new(0);
     let mut last_number = None;
     let end_ns = arguments.start_ns + STEPS * PERIOD_NS;
     while monotonic_ns() < end_ns + PATIENCE_NS {
         std::thread::sleep(POLL);
         let reading = monitor.read_followed(followed, &mut record)?;
-        if reading.number == 0 || last_number == Some(reading.number) || record.instant_ns < arguments.start_ns {
+        if reading.number == 0
+            || last_number == Some(reading.number)
+            || record.instant_ns < arguments.start_ns
+        {
             continue;
         }
         viewer.report.missed += last_number.map_or(0, |last: u64| reading.number.saturating_sub(last + 1));
@@ -158,16 +171,31 @@ struct Filter {
 
 /// The filters of the bank, counted from 1 as in the paper.
 const FILTERS: [Filter; 3] = [
-    Filter { prefix: "mode_fault_free_", title: "fault-free filter", ignores: None },
-    Filter { prefix: "mode_0_", title: "filter 1", ignores: Some(0) },
-    Filter { prefix: "mode_1_", title: "filter 2", ignores: Some(1) },
+    Filter {
+        prefix: "mode_fault_free_",
+        title: "fault-free filter",
+        ignores: None,
+    },
+    Filter {
+        prefix: "mode_0_",
+        title: "filter 1",
+        ignores: Some(0),
+    },
+    Filter {
+        prefix: "mode_1_",
+        title: "filter 2",
+        ignores: Some(1),
+    },
 ];
 
 impl Viewer<'_> {
     fn take(&mut self, record: &StepRecord, output: &mut impl Write) -> io::Result<()> {
         let k = (record.instant_ns - self.arguments.start_ns) / PERIOD_NS;
         self.report.records += 1;
-        let alarming: Vec<&Filter> = FILTERS.iter().filter(|filter| self.alarms(filter, record)).collect();
+        let alarming: Vec<&Filter> = FILTERS
+            .iter()
+            .filter(|filter| self.alarms(filter, record))
+            .collect();
         let faulty = self.arguments.case - 1;
         let impossible = alarming.iter().any(|filter| filter.ignores == Some(faulty));
         let alarm = record.flags & flags::ALARM_NOW != 0;
@@ -175,7 +203,12 @@ impl Viewer<'_> {
 
         let mut show = k.is_multiple_of(SHOW_EVERY);
         if alarm && self.report.first_alarm.is_none() {
-            let by = alarming.iter().rev().map(|filter| filter.title).collect::<Vec<_>>().join(" and ");
+            let by = alarming
+                .iter()
+                .rev()
+                .map(|filter| filter.title)
+                .collect::<Vec<_>>()
+                .join(" and ");
             self.report.first_alarm = Some(Alarm { k, by });
             show = true;
         }
@@ -183,10 +216,18 @@ impl Viewer<'_> {
             let names = self.slot.faults.iter().enumerate();
             let names = names.filter(|(bit, _)| record.certainly_faulty >> bit & 1 == 1);
             let names = names.map(|(_, name)| name.as_str()).collect::<Vec<_>>().join("+");
-            self.report.isolated = Some(Isolation { k, actuators: record.certainly_faulty, names });
+            self.report.isolated = Some(Isolation {
+                k,
+                actuators: record.certainly_faulty,
+                names,
+            });
             show = true;
         }
-        if show { self.show(k, record, output) } else { Ok(()) }
+        if show {
+            self.show(k, record, output)
+        } else {
+            Ok(())
+        }
     }
 
     fn alarms(&self, filter: &Filter, record: &StepRecord) -> bool {
@@ -199,10 +240,14 @@ impl Viewer<'_> {
         filter: &'a Filter,
         record: &'a StepRecord,
     ) -> impl Iterator<Item = (&'a str, &'a Channel)> {
-        self.slot.channels.iter().zip(record.channels()).filter_map(|(description, channel)| {
-            let row = description.name.strip_prefix(filter.prefix)?;
-            (!row.starts_with("fault_estimate")).then_some((row, channel))
-        })
+        self.slot
+            .channels
+            .iter()
+            .zip(record.channels())
+            .filter_map(|(description, channel)| {
+                let row = description.name.strip_prefix(filter.prefix)?;
+                (!row.starts_with("fault_estimate")).then_some((row, channel))
+            })
     }
 
     fn show(&self, k: u64, record: &StepRecord, output: &mut impl Write) -> io::Result<()> {
@@ -213,7 +258,11 @@ impl Viewer<'_> {
             for (name, channel) in self.rows(filter, record) {
                 let mark = if channel.ratio > 1.0 { '!' } else { ' ' };
                 let name = paper_name(name);
-                write!(output, " {name} {:+.3} in ±{:.3}{mark}", channel.residual, channel.upper)?;
+                write!(
+                    output,
+                    " {name} {:+.3} in ±{:.3}{mark}",
+                    channel.residual, channel.upper
+                )?;
             }
             writeln!(output)?;
         }
@@ -227,5 +276,7 @@ fn paper_name(row: &str) -> String {
         let number: u32 = row.strip_prefix(prefix)?.parse().ok()?;
         Some(format!("{letter}{}", number + 1))
     };
-    short("output_", 'y').or_else(|| short("matched_", 'm')).unwrap_or_else(|| row.into())
+    short("output_", 'y')
+        .or_else(|| short("matched_", 'm'))
+        .unwrap_or_else(|| row.into())
 }

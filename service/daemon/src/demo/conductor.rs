@@ -107,21 +107,34 @@ impl Stage {
             .spawn()
             .map_err(process("start the daemon"))?;
         let text = configuration(&instance.name);
-        let written = daemon.stdin.take().map_or(Ok(()), |mut input| input.write_all(text.as_bytes()));
-        let stage = Self { instance, program, daemon };
+        let written = daemon
+            .stdin
+            .take()
+            .map_or(Ok(()), |mut input| input.write_all(text.as_bytes()));
+        let stage = Self {
+            instance,
+            program,
+            daemon,
+        };
         written.map_err(process("hand the daemon its configuration"))?;
         Ok(stage)
     }
 
     /// Plays one case; true if it went as it should.
     fn perform(mut self, case: u8, arguments: &DemoArguments) -> Result<bool, DemoError> {
-        let start_ns = self.wait_for_daemon()? ;
+        let start_ns = self.wait_for_daemon()?;
         println!(
             "\n=== case {case}: actuator {case} fails at t = 1 s (seed {}, disturbance {}) ===",
             arguments.seed,
-            arguments.disturbance.to_possible_value().map_or_else(String::new, |v| v.get_name().into())
+            arguments
+                .disturbance
+                .to_possible_value()
+                .map_or_else(String::new, |v| v.get_name().into())
         );
-        println!("processes: daemon {}, then publisher and client", self.daemon.id());
+        println!(
+            "processes: daemon {}, then publisher and client",
+            self.daemon.id()
+        );
         let mut client = self.start("demo-client", start_ns, case, &[])?;
         let seed = arguments.seed.to_string();
         let disturbance = arguments.disturbance.to_possible_value();
@@ -174,7 +187,11 @@ impl Stage {
             .args(["--start-ns", &start_ns.to_string(), "--case", &case.to_string()])
             .args(more)
             .stdin(Stdio::null())
-            .stdout(if subcommand == "demo-client" { Stdio::piped() } else { Stdio::inherit() })
+            .stdout(if subcommand == "demo-client" {
+                Stdio::piped()
+            } else {
+                Stdio::inherit()
+            })
             .spawn()
             .map_err(process("start a process of the demonstration"))
     }
@@ -185,7 +202,9 @@ impl Stage {
         kill(pid, Signal::SIGTERM).map_err(|error| process("stop the daemon")(error.into()))?;
         let mut text = String::new();
         if let Some(mut output) = self.daemon.stdout.take() {
-            output.read_to_string(&mut text).map_err(process("read the daemon's summary"))?;
+            output
+                .read_to_string(&mut text)
+                .map_err(process("read the daemon's summary"))?;
         }
         let ended = self.daemon.wait().map_err(process("wait for the daemon"))?;
         if !ended.success() {
@@ -209,7 +228,11 @@ impl Drop for Stage {
 /// The embedded configuration under another instance name.
 fn configuration(instance: &InstanceName) -> String {
     let lines = CONFIGURATION.lines().map(|line| {
-        if line.starts_with(INSTANCE_KEY) { format!("{INSTANCE_KEY}\"{instance}\"") } else { line.to_owned() }
+        if line.starts_with(INSTANCE_KEY) {
+            format!("{INSTANCE_KEY}\"{instance}\"")
+        } else {
+            line.to_owned()
+        }
     });
     lines.map(|line| line + "\n").collect()
 }
@@ -234,20 +257,30 @@ fn judge(case: u8, report: &ClientReport, summary: &Summary) -> bool {
     let injected_s = FIRST_FAULTY_TRANSITION as f64 * PERIOD_NS as f64 * 1e-9;
     let at = |k: u64| format!("y({k}), t = {:.2} s", k as f64 * PERIOD_NS as f64 * 1e-9);
     println!("--- summary of case {case}");
-    println!("injected          actuator {case}, on transitions k >= {FIRST_FAULTY_TRANSITION} (t = {injected_s:.2} s)");
+    println!(
+        "injected          actuator {case}, on transitions k >= {FIRST_FAULTY_TRANSITION} (t = {injected_s:.2} s)"
+    );
     println!(
         "detected          {}",
-        report.first_alarm.as_ref().map_or("no".into(), |alarm| format!("{}, by {}", at(alarm.k), alarm.by))
+        report
+            .first_alarm
+            .as_ref()
+            .map_or("no".into(), |alarm| format!("{}, by {}", at(alarm.k), alarm.by))
     );
     println!(
         "isolated          {}",
-        report
-            .isolated
-            .as_ref()
-            .map_or("no".into(), |found| format!("{} ({}), at {}", found.names, actuator(found.actuators), at(found.k)))
+        report.isolated.as_ref().map_or("no".into(), |found| format!(
+            "{} ({}), at {}",
+            found.names,
+            actuator(found.actuators),
+            at(found.k)
+        ))
     );
     println!("false alarms      {}", report.false_alarms);
-    println!("records polled    {} ({} overwritten before they were read)", report.records, report.missed);
+    println!(
+        "records polled    {} ({} overwritten before they were read)",
+        report.records, report.missed
+    );
     println!(
         "steps             {}, instants skipped {}, overruns {}",
         summary.schedule_total("steps"),
@@ -255,14 +288,22 @@ fn judge(case: u8, report: &ClientReport, summary: &Summary) -> bool {
         summary.schedule_total("overruns")
     );
     println!("step time         {}", summary.step_times);
-    let right = report.isolated.as_ref().is_some_and(|found| found.actuators == 1 << faulty);
+    let right = report
+        .isolated
+        .as_ref()
+        .is_some_and(|found| found.actuators == 1 << faulty);
     let good = right && report.false_alarms == 0;
-    println!("result            {}", if good { "as it should be" } else { "WRONG" });
+    println!(
+        "result            {}",
+        if good { "as it should be" } else { "WRONG" }
+    );
     good
 }
 
 fn actuator(set: u64) -> String {
-    let numbers = (0..64).filter(|bit| set >> bit & 1 == 1).map(|bit| (bit + 1).to_string());
+    let numbers = (0..64)
+        .filter(|bit| set >> bit & 1 == 1)
+        .map(|bit| (bit + 1).to_string());
     format!("actuator {}", numbers.collect::<Vec<_>>().join("+"))
 }
 
@@ -274,7 +315,10 @@ mod tests {
     fn the_embedded_configuration_takes_another_instance_name() {
         let name: InstanceName = "other".parse().unwrap();
         let text = configuration(&name);
-        assert_eq!(text.lines().filter(|line| line.starts_with(INSTANCE_KEY)).count(), 1);
+        assert_eq!(
+            text.lines().filter(|line| line.starts_with(INSTANCE_KEY)).count(),
+            1
+        );
         assert!(text.contains("instance = \"other\""));
     }
 }

@@ -32,7 +32,9 @@ const A0: [f64; 16] = [
     0.0, 0.0, 0.0100, 1.0,
 ];
 const B: [f64; 8] = [0.0044, 0.0018, 0.0198, -0.0759, -0.0552, 0.0449, 0.0, 0.0];
-const C: [f64; 16] = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 1.0];
+const C: [f64; 16] = [
+    1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 1.0,
+];
 const INITIAL_STATE: [f64; 4] = [0.1, -0.2, 0.15, 0.1];
 
 /// The disturbance that acts on the aircraft.
@@ -100,9 +102,13 @@ impl Aircraft {
             Disturbance::Zero => Vector4::zeros(),
             Disturbance::Sine => Vector4::repeat(BOUND * phase.sin()),
             Disturbance::Uniform => Vector4::from_fn(|_, _| self.generator.random_range(-BOUND..=BOUND)),
-            Disturbance::Vertex => {
-                Vector4::from_fn(|_, _| if self.generator.random::<bool>() { BOUND } else { -BOUND })
-            }
+            Disturbance::Vertex => Vector4::from_fn(|_, _| {
+                if self.generator.random::<bool>() {
+                    BOUND
+                } else {
+                    -BOUND
+                }
+            }),
         }
     }
 }
@@ -137,7 +143,12 @@ mod tests {
     fn one_seed_gives_one_course() {
         let course = |seed| {
             let mut aircraft = Aircraft::new(1, Disturbance::Vertex, seed);
-            (0..50).map(|_| { aircraft.advance(); aircraft.measure() }).collect::<Vec<_>>()
+            (0..50)
+                .map(|_| {
+                    aircraft.advance();
+                    aircraft.measure()
+                })
+                .collect::<Vec<_>>()
         };
         assert_eq!(course(3), course(3));
         assert_ne!(course(3), course(4));

@@ -55,7 +55,10 @@ pub fn execute(arguments: &PublisherArguments) -> Result<(), PublisherError> {
         sensors.send(instant_ns, &aircraft.measure())?;
         commands.send(instant_ns, &aircraft.command())?;
         if aircraft.advance() {
-            println!("         --- the publisher injects the fault: case {}, from k = {k} on ---", arguments.case);
+            println!(
+                "         --- the publisher injects the fault: case {}, from k = {k} on ---",
+                arguments.case
+            );
         }
     }
     Ok(())

@@ -68,7 +68,10 @@ impl FromStr for Fault {
     type Err = FaultError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let syntax = |reason: String| FaultError::Syntax { text: text.into(), reason };
+        let syntax = |reason: String| FaultError::Syntax {
+            text: text.into(),
+            reason,
+        };
         let number = |key: &str, value: &str| {
             let parsed = value.parse::<f64>().ok().filter(|number| number.is_finite());
             parsed.ok_or_else(|| syntax(format!("`{key}` is not a number")))
@@ -81,13 +84,16 @@ impl FromStr for Fault {
             "dropout" => FaultKind::Dropout,
             "spike" => FaultKind::Spike,
             other => {
-                return Err(syntax(format!("`{other}` is none of offset, scale, freeze, dropout, spike")));
+                return Err(syntax(format!(
+                    "`{other}` is none of offset, scale, freeze, dropout, spike"
+                )));
             }
         };
         let (mut column, mut size, mut onset, mut end_s) = (None, None, None, None);
         for part in parts {
-            let (key, value) =
-                part.split_once('=').ok_or_else(|| syntax(format!("`{part}` is not key=value")))?;
+            let (key, value) = part
+                .split_once('=')
+                .ok_or_else(|| syntax(format!("`{part}` is not key=value")))?;
             match key {
                 "column" => column = Some(value.to_owned()),
                 "size" => size = Some(number(key, value)?),
@@ -126,9 +132,14 @@ impl Fault {
 
     /// Writes the fault into every run of a recording.
     pub fn inject(&self, recording: &mut Recording) -> Result<(), FaultError> {
-        let column = recording.columns.iter().position(|name| *name == self.column).ok_or_else(|| {
-            FaultError::NoColumn { column: self.column.clone(), columns: recording.columns.join(", ") }
-        })?;
+        let column = recording
+            .columns
+            .iter()
+            .position(|name| *name == self.column)
+            .ok_or_else(|| FaultError::NoColumn {
+                column: self.column.clone(),
+                columns: recording.columns.join(", "),
+            })?;
         for run in &mut recording.runs {
             self.inject_into(run, column);
         }
@@ -137,7 +148,9 @@ impl Fault {
 
     fn inject_into(&self, run: &mut Run, column: usize) {
         let onset_ns = self.onset_ns(run);
-        let end_ns = self.end_s.map_or(u64::MAX, |seconds| (seconds * 1e9).max(0.0) as u64);
+        let end_ns = self
+            .end_s
+            .map_or(u64::MAX, |seconds| (seconds * 1e9).max(0.0) as u64);
         let first = run.times_ns.partition_point(|&time| time < onset_ns);
         let end = match self.kind {
             FaultKind::Spike => first + 1,
@@ -166,19 +179,34 @@ mod tests {
             times_ns: (0..5).map(|row| row * 1_000_000_000).collect(),
             rows: (1..6).map(|value| vec![f64::from(value)]).collect(),
         };
-        let mut recording = Recording { columns: vec!["v".into()], runs: vec![run] };
+        let mut recording = Recording {
+            columns: vec!["v".into()],
+            runs: vec![run],
+        };
         fault.parse::<Fault>().unwrap().inject(&mut recording).unwrap();
         recording.runs[0].rows.iter().map(|row| row[0]).collect()
     }
 
     #[test]
     fn each_kind_changes_its_rows_and_no_others() {
-        assert_eq!(injected("offset,column=v,size=10,onset=2,end=4"), [1.0, 2.0, 13.0, 14.0, 5.0]);
-        assert_eq!(injected("scale,column=v,size=0,onset=50%"), [1.0, 2.0, 0.0, 0.0, 0.0]);
+        assert_eq!(
+            injected("offset,column=v,size=10,onset=2,end=4"),
+            [1.0, 2.0, 13.0, 14.0, 5.0]
+        );
+        assert_eq!(
+            injected("scale,column=v,size=0,onset=50%"),
+            [1.0, 2.0, 0.0, 0.0, 0.0]
+        );
         assert_eq!(injected("freeze,column=v,onset=2"), [1.0, 2.0, 2.0, 2.0, 2.0]);
-        assert_eq!(injected("spike,column=v,size=1,onset=1.5"), [1.0, 2.0, 4.0, 4.0, 5.0]);
+        assert_eq!(
+            injected("spike,column=v,size=1,onset=1.5"),
+            [1.0, 2.0, 4.0, 4.0, 5.0]
+        );
         assert!(injected("dropout,column=v,onset=3,end=4")[3].is_nan());
-        assert_eq!(injected("offset,column=v,size=1,onset=9"), [1.0, 2.0, 3.0, 4.0, 5.0]);
+        assert_eq!(
+            injected("offset,column=v,size=1,onset=9"),
+            [1.0, 2.0, 3.0, 4.0, 5.0]
+        );
     }
 
     #[test]

@@ -30,7 +30,9 @@ pub enum MappingError {
         reason: String,
     },
     /// An expression uses a column that is not there.
-    #[error("replay value `{expression}` of input `{input}` uses the column `{column}`; the recording has: {columns}")]
+    #[error(
+        "replay value `{expression}` of input `{input}` uses the column `{column}`; the recording has: {columns}"
+    )]
     NoColumn {
         /// The input.
         input: String,
@@ -77,10 +79,13 @@ impl Mapping {
         let mut variables = Vec::new();
         for (&time_ns, row) in run.times_ns.iter().zip(&run.rows) {
             for (input, values) in &self.inputs {
-                let elements: Vec<f64> =
-                    values.iter().map(|value| value.of(row, &mut variables)).collect();
+                let elements: Vec<f64> = values.iter().map(|value| value.of(row, &mut variables)).collect();
                 if elements.iter().all(|element| element.is_finite()) {
-                    samples.push(TimedSample { time_ns, input: *input, elements });
+                    samples.push(TimedSample {
+                        time_ns,
+                        input: *input,
+                        elements,
+                    });
                 }
             }
         }
@@ -96,16 +101,22 @@ impl Value {
             reason: error.to_string(),
         })?;
         let column = |name: &String| {
-            recording.columns.iter().position(|column| column == name).ok_or_else(|| {
-                MappingError::NoColumn {
+            recording
+                .columns
+                .iter()
+                .position(|column| column == name)
+                .ok_or_else(|| MappingError::NoColumn {
                     input: input.into(),
                     expression: text.into(),
                     column: name.clone(),
                     columns: recording.columns.join(", "),
-                }
-            })
+                })
         };
-        let columns = expression.var_names().iter().map(column).collect::<Result<_, _>>()?;
+        let columns = expression
+            .var_names()
+            .iter()
+            .map(column)
+            .collect::<Result<_, _>>()?;
         Ok(Self { expression, columns })
     }
 

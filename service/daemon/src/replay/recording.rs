@@ -26,7 +26,9 @@ pub enum RecordingError {
         columns: String,
     },
     /// A cell is not a number.
-    #[error("`{path}` line {line}, column `{column}`: `{text}` is not a number; leave the cell empty if there is no value")]
+    #[error(
+        "`{path}` line {line}, column `{column}`: `{text}` is not a number; leave the cell empty if there is no value"
+    )]
     NotANumber {
         /// The file.
         path: PathBuf,
@@ -38,7 +40,9 @@ pub enum RecordingError {
         text: String,
     },
     /// Time does not rise within a run.
-    #[error("`{path}` line {line}: the time {time} s is not later than the line before; sort the recording or name a `run_column`")]
+    #[error(
+        "`{path}` line {line}: the time {time} s is not later than the line before; sort the recording or name a `run_column`"
+    )]
     TimeGoesBack {
         /// The file.
         path: PathBuf,
@@ -84,20 +88,27 @@ pub struct Recording {
 
 impl Recording {
     /// Reads a CSV file with a header line. Each value of `run_column` is a run of its own.
-    pub fn read(
-        path: &Path,
-        time_column: &str,
-        run_column: Option<&str>,
-    ) -> Result<Self, RecordingError> {
-        let failed = |source| RecordingError::Read { path: path.into(), source };
+    pub fn read(path: &Path, time_column: &str, run_column: Option<&str>) -> Result<Self, RecordingError> {
+        let failed = |source| RecordingError::Read {
+            path: path.into(),
+            source,
+        };
         let mut reader = csv::Reader::from_path(path).map_err(failed)?;
-        let columns: Vec<String> = reader.headers().map_err(failed)?.iter().map(|name| name.trim().into()).collect();
+        let columns: Vec<String> = reader
+            .headers()
+            .map_err(failed)?
+            .iter()
+            .map(|name| name.trim().into())
+            .collect();
         let index_of = |column: &str| {
-            columns.iter().position(|name| name == column).ok_or_else(|| RecordingError::NoColumn {
-                path: path.into(),
-                column: column.into(),
-                columns: columns.join(", "),
-            })
+            columns
+                .iter()
+                .position(|name| name == column)
+                .ok_or_else(|| RecordingError::NoColumn {
+                    path: path.into(),
+                    column: column.into(),
+                    columns: columns.join(", "),
+                })
         };
         let time_index = index_of(time_column)?;
         let run_index = run_column.map(index_of).transpose()?;
@@ -122,13 +133,25 @@ impl Recording {
             let row = cells.collect::<Result<Vec<f64>, _>>()?;
             let time = row[time_index];
             let &mut (place, start) = places.entry(name.clone()).or_insert_with(|| {
-                runs.push(Run { name, times_ns: Vec::new(), rows: Vec::new() });
+                runs.push(Run {
+                    name,
+                    times_ns: Vec::new(),
+                    rows: Vec::new(),
+                });
                 (runs.len() - 1, time)
             });
             let time_ns = ((time - start) * 1e9).round();
-            let rises = time_ns >= 0.0 && runs[place].times_ns.last().is_none_or(|&last| time_ns > last as f64);
+            let rises = time_ns >= 0.0
+                && runs[place]
+                    .times_ns
+                    .last()
+                    .is_none_or(|&last| time_ns > last as f64);
             if !rises {
-                return Err(RecordingError::TimeGoesBack { path: path.into(), line, time });
+                return Err(RecordingError::TimeGoesBack {
+                    path: path.into(),
+                    line,
+                    time,
+                });
             }
             runs[place].times_ns.push(time_ns as u64);
             runs[place].rows.push(row);

@@ -37,19 +37,46 @@ impl RecordWriter {
                 [_] => path.to_path_buf(),
                 _ => path.with_extension(format!("{name}.csv")),
             };
-            let failed = |source| WriteError { path: own.clone(), source };
+            let failed = |source| WriteError {
+                path: own.clone(),
+                source,
+            };
             let mut file = csv::Writer::from_writer(File::create(&own).map_err(failed)?);
-            let head = ["run", "step", "time_ns", "verdict", "certainly_faulty", "possibly_faulty", "flags"];
-            let rest = ["skipped_instants", "inputs_valid", "fault_estimate", "fault_estimate_half_width"];
+            let head = [
+                "run",
+                "step",
+                "time_ns",
+                "verdict",
+                "certainly_faulty",
+                "possibly_faulty",
+                "flags",
+            ];
+            let rest = [
+                "skipped_instants",
+                "inputs_valid",
+                "fault_estimate",
+                "fault_estimate_half_width",
+            ];
             let channels = description.channels.iter().flat_map(|channel| {
                 ["lower", "residual", "upper", "ratio"].map(|part| format!("{}.{part}", channel.name))
             });
-            let columns = head.iter().chain(&rest).map(|&name| name.to_owned()).chain(channels);
+            let columns = head
+                .iter()
+                .chain(&rest)
+                .map(|&name| name.to_owned())
+                .chain(channels);
             file.write_record(columns).map_err(|error| failed(error.into()))?;
             files.push(file);
         }
-        let faults = diagnosers.iter().map(|(_, description)| description.faults.clone()).collect();
-        Ok(Self { files, faults, path: path.into() })
+        let faults = diagnosers
+            .iter()
+            .map(|(_, description)| description.faults.clone())
+            .collect();
+        Ok(Self {
+            files,
+            faults,
+            path: path.into(),
+        })
     }
 
     /// Writes one record of a run.
@@ -74,15 +101,21 @@ impl RecordWriter {
             let numbers = [channel.lower, channel.residual, channel.upper, channel.ratio];
             cells.extend(numbers.map(|number| number.to_string()));
         }
-        let failed = |error: csv::Error| WriteError { path: self.path.clone(), source: error.into() };
+        let failed = |error: csv::Error| WriteError {
+            path: self.path.clone(),
+            source: error.into(),
+        };
         self.files[replayed.slot].write_record(cells).map_err(failed)
     }
 
     /// Writes out what is still buffered.
     pub fn finish(mut self) -> Result<(), WriteError> {
         let path = self.path;
-        self.files
-            .iter_mut()
-            .try_for_each(|file| file.flush().map_err(|source| WriteError { path: path.clone(), source }))
+        self.files.iter_mut().try_for_each(|file| {
+            file.flush().map_err(|source| WriteError {
+                path: path.clone(),
+                source,
+            })
+        })
     }
 }

@@ -5,7 +5,7 @@ use residual_shared::sample::SampleHeader;
 
 use super::mapping::TimedSample;
 use super::records::ReplayRecord;
-use crate::assembly::{Assembly, assemble};
+use crate::assembly::assemble;
 use crate::configuration::{BuiltDiagnoser, Configuration};
 use crate::runtime::engine::{Engine, RecordSink};
 
@@ -26,7 +26,10 @@ impl<F: FnMut(ReplayRecord)> RecordSink for Collector<F> {
     fn publish(&mut self, slot: usize, record: &StepRecord) -> bool {
         let since_start_ns = record.instant_ns - self.epoch_ns;
         if since_start_ns <= self.end_ns {
-            let record = StepRecord { instant_ns: since_start_ns, ..*record };
+            let record = StepRecord {
+                instant_ns: since_start_ns,
+                ..*record
+            };
             (self.take)(ReplayRecord { slot, record });
         }
         true
@@ -43,19 +46,35 @@ pub fn replay(
     samples: &[TimedSample],
     take: impl FnMut(ReplayRecord),
 ) -> Engine {
-    let Assembly { mut engine, .. } = assemble(configuration, diagnosers, EPOCH_NS, 1.0);
+    let mut engine = assemble(configuration, diagnosers, EPOCH_NS, 1.0);
     let end_ns = samples.last().map_or(0, |sample| sample.time_ns);
-    let mut collector = Collector { epoch_ns: EPOCH_NS, end_ns, take };
+    let mut collector = Collector {
+        epoch_ns: EPOCH_NS,
+        end_ns,
+        take,
+    };
     let mut sequences = vec![0; configuration.inputs.len()];
     for sample in samples {
         let now_ns = EPOCH_NS + sample.time_ns;
         step_before(&mut engine, now_ns, &mut collector);
-        let header = SampleHeader { sequence: sequences[sample.input], timestamp_ns: now_ns };
+        let header = SampleHeader {
+            sequence: sequences[sample.input],
+            timestamp_ns: now_ns,
+        };
         sequences[sample.input] += 1;
         engine.accept(sample.input, PUBLISHER, header, &sample.elements, now_ns);
     }
-    let longest_margin = configuration.diagnosers.iter().map(|d| d.margin_ns).max().unwrap_or(0);
-    step_before(&mut engine, EPOCH_NS + end_ns + longest_margin + 1, &mut collector);
+    let longest_margin = configuration
+        .diagnosers
+        .iter()
+        .map(|d| d.margin_ns)
+        .max()
+        .unwrap_or(0);
+    step_before(
+        &mut engine,
+        EPOCH_NS + end_ns + longest_margin + 1,
+        &mut collector,
+    );
     engine
 }
 

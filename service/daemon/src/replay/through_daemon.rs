@@ -37,7 +37,9 @@ pub enum ThroughDaemonError {
     #[error(transparent)]
     Send(#[from] SendError),
     /// The running daemon has another configuration.
-    #[error("the daemon of instance `{instance}` runs other diagnosers than this configuration ({what}); restart it with this file")]
+    #[error(
+        "the daemon of instance `{instance}` runs other diagnosers than this configuration ({what}); restart it with this file"
+    )]
     OtherConfiguration {
         /// The instance.
         instance: String,
@@ -45,7 +47,9 @@ pub enum ThroughDaemonError {
         what: String,
     },
     /// The running daemon's time has another speed.
-    #[error("the daemon's time runs at speed {daemon}, not {asked}; start it with `residuald run --speed {asked}`")]
+    #[error(
+        "the daemon's time runs at speed {daemon}, not {asked}; start it with `residuald run --speed {asked}`"
+    )]
     OtherSpeed {
         /// The daemon's.
         daemon: f64,
@@ -53,7 +57,9 @@ pub enum ThroughDaemonError {
         asked: f64,
     },
     /// The diagnosers' instants never meet within a minute.
-    #[error("the periods of the diagnosers have no common multiple within 60 s, so the recording has no common start; choose commensurable periods")]
+    #[error(
+        "the periods of the diagnosers have no common multiple within 60 s, so the recording has no common start; choose commensurable periods"
+    )]
     NoCommonPeriod,
 }
 
@@ -95,7 +101,12 @@ pub fn replay(
         recorder.receive(|header, record| window.take(header, record, &mut take));
         progress(sent as u64 + 1);
     }
-    let margin_ns = configuration.diagnosers.iter().map(|d| d.margin_ns).max().unwrap_or(0);
+    let margin_ns = configuration
+        .diagnosers
+        .iter()
+        .map(|d| d.margin_ns)
+        .max()
+        .unwrap_or(0);
     sleep_until_monotonic(time.to_monotonic(start_ns + end_ns) + margin_ns + LAST_RECORDS_NS);
     recorder.receive(|header, record| window.take(header, record, &mut take));
     Ok(window.lost)
@@ -118,7 +129,12 @@ impl RecordWindow {
         Self {
             start_ns,
             end_ns,
-            first_steps: directory.spec.slots.iter().map(|slot| first_step(slot.period_ns)).collect(),
+            first_steps: directory
+                .spec
+                .slots
+                .iter()
+                .map(|slot| first_step(slot.period_ns))
+                .collect(),
             next_sequence: None,
             lost: 0,
         }
@@ -130,30 +146,36 @@ impl RecordWindow {
         record: &StepRecord,
         take: &mut impl FnMut(ReplayRecord),
     ) {
-        let expected = self.next_sequence.replace(header.sequence + 1).unwrap_or(header.sequence);
+        let expected = self
+            .next_sequence
+            .replace(header.sequence + 1)
+            .unwrap_or(header.sequence);
         self.lost += header.sequence.saturating_sub(expected);
         let slot = header.slot as usize;
         let since_start_ns = record.instant_ns.checked_sub(self.start_ns);
         if let (Some(instant_ns), Some(first)) = (since_start_ns, self.first_steps.get(slot))
             && instant_ns <= self.end_ns
         {
-            let record = StepRecord { instant_ns, step: record.step - first, ..*record };
+            let record = StepRecord {
+                instant_ns,
+                step: record.step - first,
+                ..*record
+            };
             take(ReplayRecord { slot, record });
         }
     }
 }
 
-fn check(
-    configuration: &Configuration,
-    directory: &Directory,
-    speed: f64,
-) -> Result<(), ThroughDaemonError> {
+fn check(configuration: &Configuration, directory: &Directory, speed: f64) -> Result<(), ThroughDaemonError> {
     let other = |what: String| ThroughDaemonError::OtherConfiguration {
         instance: configuration.daemon.instance.to_string(),
         what,
     };
     if directory.spec.time.speed != speed {
-        return Err(ThroughDaemonError::OtherSpeed { daemon: directory.spec.time.speed, asked: speed });
+        return Err(ThroughDaemonError::OtherSpeed {
+            daemon: directory.spec.time.speed,
+            asked: speed,
+        });
     }
     if directory.spec.slots.len() != configuration.diagnosers.len() {
         return Err(other(format!(
@@ -166,7 +188,10 @@ fn check(
         let there = (&slot.name, slot.period_ns, slot.phase_ns);
         let here = (&configured.name, configured.period_ns, configured.phase_ns);
         if there != here {
-            return Err(other(format!("`{}` there, `{}` here", slot.name, configured.name)));
+            return Err(other(format!(
+                "`{}` there, `{}` here",
+                slot.name, configured.name
+            )));
         }
     }
     Ok(())
@@ -181,7 +206,9 @@ fn common_start_ns(
     let common = configuration
         .diagnosers
         .iter()
-        .try_fold(1, |common, diagnoser| least_common_multiple(common, diagnoser.period_ns))
+        .try_fold(1, |common, diagnoser| {
+            least_common_multiple(common, diagnoser.period_ns)
+        })
         .filter(|&common| common <= LONGEST_COMMON_PERIOD_NS)
         .ok_or(ThroughDaemonError::NoCommonPeriod)?;
     let epoch_ns = directory.spec.schedule_epoch_ns;

@@ -63,7 +63,9 @@ impl Assembler {
             inputs[places[index]].measurements.push((signal.element, index));
         }
         for (index, signal) in commands.iter().enumerate() {
-            inputs[places[measurements.len() + index]].commands.push((signal.element, index));
+            inputs[places[measurements.len() + index]]
+                .commands
+                .push((signal.element, index));
         }
         Self {
             inputs,
@@ -109,7 +111,10 @@ impl Assembler {
     /// What the step sees: measurements of this instant and the commands that begin to act at it.
     pub fn step_input(&self) -> StepInput<'_> {
         let oldest = (self.newest + 1) % self.commands.len();
-        StepInput { measurements: &self.measurements, commands: &self.commands[oldest] }
+        StepInput {
+            measurements: &self.measurements,
+            commands: &self.commands[oldest],
+        }
     }
 }
 
@@ -128,7 +133,15 @@ mod tests {
     }
 
     fn send(inbox: &mut Inbox, instant: u64, elements: &[f64]) {
-        inbox.accept(0, SampleHeader { sequence: instant, timestamp_ns: instant }, elements, instant);
+        inbox.accept(
+            0,
+            SampleHeader {
+                sequence: instant,
+                timestamp_ns: instant,
+            },
+            elements,
+            instant,
+        );
     }
 
     #[test]
@@ -137,7 +150,14 @@ mod tests {
         let mut assembler = Assembler::new(&[signal(0, 1), signal(1, 0)], &[signal(0, 0)], 0);
         send(&mut inboxes[0], 10, &[1.0, 2.0]);
         let gathered = assembler.gather(&mut inboxes, 0, 10);
-        assert_eq!(gathered, Gathered { inputs_valid: 0b101, missing: true, late: false });
+        assert_eq!(
+            gathered,
+            Gathered {
+                inputs_valid: 0b101,
+                missing: true,
+                late: false
+            }
+        );
         let input = assembler.step_input();
         assert_eq!(input.commands, [1.0]);
         assert_eq!(input.measurements[0], 2.0);

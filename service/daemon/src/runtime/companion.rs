@@ -34,7 +34,10 @@ pub struct LogNames {
 
 /// What the step thread sends over.
 #[derive(Clone, Copy)]
-#[expect(clippy::large_enum_variant, reason = "a record is copied once into the queue, never moved on")]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a record is copied once into the queue, never moved on"
+)]
 pub enum Message {
     /// The record of the diagnoser in a slot.
     Record(usize, StepRecord),
@@ -73,7 +76,10 @@ impl Companion {
             }
         });
         match wait_ready.recv() {
-            Ok(Ok(())) => Ok(Self { stop, thread: Some(thread) }),
+            Ok(Ok(())) => Ok(Self {
+                stop,
+                thread: Some(thread),
+            }),
             Ok(Err(error)) => Err(error),
             Err(_) => Err(TransportError::Node {
                 instance: "companion".into(),
@@ -109,7 +115,14 @@ impl Worker {
         queue: Consumer<Message>,
     ) -> Self {
         let last_verdicts = vec![None; names.diagnosers.len()];
-        Self { node, records, names, queue, last_verdicts, undelivered: 0 }
+        Self {
+            node,
+            records,
+            names,
+            queue,
+            last_verdicts,
+            undelivered: 0,
+        }
     }
 
     fn run(mut self, stop: &AtomicBool) {
@@ -132,7 +145,10 @@ impl Worker {
             thread::sleep(IDLE);
         }
         if self.undelivered > 0 {
-            warn!(records = self.undelivered, "step records could not be sent to recorders");
+            warn!(
+                records = self.undelivered,
+                "step records could not be sent to recorders"
+            );
         }
     }
 
@@ -167,14 +183,19 @@ impl Worker {
         match report {
             CounterReport::Input { input, before, now } => {
                 let name = self.names.inputs.get(*input).map_or("?", String::as_str);
-                for (counter, from, to) in changes(InputCounters::NAMES, &before.to_words(), &now.to_words()) {
+                for (counter, from, to) in changes(InputCounters::NAMES, &before.to_words(), &now.to_words())
+                {
                     if counter != "accepted" {
                         warn!(input = name, counter, added = to - from, total = to);
                     }
                 }
             }
             CounterReport::Schedule { slot, before, now } => {
-                let name = self.names.diagnosers.get(*slot).map_or("?", |(name, _)| name.as_str());
+                let name = self
+                    .names
+                    .diagnosers
+                    .get(*slot)
+                    .map_or("?", |(name, _)| name.as_str());
                 for (counter, from, to) in
                     changes(ScheduleCounters::NAMES, &before.to_words(), &now.to_words())
                 {
@@ -189,7 +210,11 @@ impl Worker {
 
 /// The names of the faults in a set.
 pub fn fault_names(faults: &[String], set: u64) -> impl Iterator<Item = &str> {
-    faults.iter().enumerate().filter(move |(bit, _)| set >> bit & 1 == 1).map(|(_, name)| name.as_str())
+    faults
+        .iter()
+        .enumerate()
+        .filter(move |(bit, _)| set >> bit & 1 == 1)
+        .map(|(_, name)| name.as_str())
 }
 
 fn changes<'a>(

@@ -79,9 +79,8 @@ impl Engine {
         diagnosers: Vec<DiagnoserUnit>,
     ) -> Self {
         let timings: Vec<Timing> = diagnosers.iter().map(|unit| unit.timing).collect();
-        let inbox = |input: &InboxOptions| {
-            Inbox::new(input.signal_count, input.buffer_samples, input.max_ahead_ns)
-        };
+        let inbox =
+            |input: &InboxOptions| Inbox::new(input.signal_count, input.buffer_samples, input.max_ahead_ns);
         Self {
             epoch_ns,
             catch_up_limit: u64::from(catch_up_limit),
@@ -124,7 +123,8 @@ impl Engine {
             if !sink.publish(slot, &unit.record) {
                 unit.counters.records_dropped += 1;
             }
-            self.agenda.reschedule(unit.timing.due_ns(self.epoch_ns, unit.next_step));
+            self.agenda
+                .reschedule(unit.timing.due_ns(self.epoch_ns, unit.next_step));
         }
     }
 
@@ -171,7 +171,7 @@ impl Unit {
         let surplus = (behind_ns / self.timing.period_ns).saturating_sub(limit);
         for _ in 0..surplus {
             self.assembler.skip();
-            self.diagnoser.skip();
+            self.diagnoser.skip(&mut self.record);
         }
         self.next_step += surplus;
         self.counters.skipped += surplus;

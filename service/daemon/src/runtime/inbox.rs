@@ -80,7 +80,9 @@ impl Inbox {
         let sequence = header.sequence;
         match self.last_sequence {
             Some(last) if last.publisher == publisher => {
-                let newer_stamp = self.newest_stamp_ns.is_none_or(|newest| header.timestamp_ns > newest);
+                let newer_stamp = self
+                    .newest_stamp_ns
+                    .is_none_or(|newest| header.timestamp_ns > newest);
                 if sequence == last.sequence || (sequence < last.sequence && !newer_stamp) {
                     self.counters.duplicate += 1;
                     return false;
@@ -145,7 +147,15 @@ mod tests {
     }
 
     fn send(inbox: &mut Inbox, sequence: u64, timestamp_ns: u64, elements: &[f64]) {
-        inbox.accept(1, SampleHeader { sequence, timestamp_ns }, elements, NOW);
+        inbox.accept(
+            1,
+            SampleHeader {
+                sequence,
+                timestamp_ns,
+            },
+            elements,
+            NOW,
+        );
     }
 
     #[test]
@@ -158,7 +168,13 @@ mod tests {
         assert_eq!(inbox.hand_out(0, 20), Some(&[2.0, 2.0][..]));
         assert_eq!(inbox.hand_out(20, 30), None);
         assert_eq!(inbox.hand_out(30, 40), Some(&[3.0, 3.0][..]));
-        assert_eq!(inbox.counters(), &InputCounters { accepted: 3, ..Default::default() });
+        assert_eq!(
+            inbox.counters(),
+            &InputCounters {
+                accepted: 3,
+                ..Default::default()
+            }
+        );
     }
 
     #[test]
@@ -197,9 +213,33 @@ mod tests {
     fn a_new_publisher_and_a_renumbered_one_go_on_and_are_counted() {
         let mut inbox = inbox();
         send(&mut inbox, 50, 10, &[1.0, 1.0]);
-        inbox.accept(2, SampleHeader { sequence: 0, timestamp_ns: 20 }, &[2.0, 2.0], NOW);
-        inbox.accept(2, SampleHeader { sequence: 9, timestamp_ns: 30 }, &[2.0, 2.0], NOW);
-        inbox.accept(2, SampleHeader { sequence: 0, timestamp_ns: 40 }, &[2.0, 2.0], NOW);
+        inbox.accept(
+            2,
+            SampleHeader {
+                sequence: 0,
+                timestamp_ns: 20,
+            },
+            &[2.0, 2.0],
+            NOW,
+        );
+        inbox.accept(
+            2,
+            SampleHeader {
+                sequence: 9,
+                timestamp_ns: 30,
+            },
+            &[2.0, 2.0],
+            NOW,
+        );
+        inbox.accept(
+            2,
+            SampleHeader {
+                sequence: 0,
+                timestamp_ns: 40,
+            },
+            &[2.0, 2.0],
+            NOW,
+        );
         assert_eq!(inbox.counters().publisher_changes, 2);
         assert_eq!(inbox.counters().accepted, 4);
         assert_eq!(inbox.counters().lost, 8);

@@ -87,14 +87,25 @@ impl Publication {
     /// Sends changed counters to the log; what the queue has no room for is sent with the next report.
     fn report(&mut self, engine: &Engine) {
         for (input, (now, before)) in engine.input_counters().zip(&mut self.reported_inputs).enumerate() {
-            let report = CounterReport::Input { input, before: *before, now: *now };
+            let report = CounterReport::Input {
+                input,
+                before: *before,
+                now: *now,
+            };
             if now != before && self.queue.push(Message::Counters(report)).is_ok() {
                 *before = *now;
             }
         }
-        for (slot, (now, before)) in engine.schedule_counters().zip(&mut self.reported_schedules).enumerate()
+        for (slot, (now, before)) in engine
+            .schedule_counters()
+            .zip(&mut self.reported_schedules)
+            .enumerate()
         {
-            let report = CounterReport::Schedule { slot, before: *before, now: *now };
+            let report = CounterReport::Schedule {
+                slot,
+                before: *before,
+                now: *now,
+            };
             if now != before && self.queue.push(Message::Counters(report)).is_ok() {
                 *before = *now;
             }
@@ -129,13 +140,22 @@ impl StepLoop<'_> {
     /// Sleeps until the next step is due, at most one heartbeat long.
     fn wait(&self) {
         let heartbeat_ns = monotonic_ns() + HEARTBEAT_PERIOD_NS;
-        let due_ns = self.engine.next_due_ns().map_or(u64::MAX, |due| self.time.to_monotonic(due));
+        let due_ns = self
+            .engine
+            .next_due_ns()
+            .map_or(u64::MAX, |due| self.time.to_monotonic(due));
         sleep_until_monotonic(due_ns.min(heartbeat_ns));
     }
 
     /// Receives every waiting sample, does every due step, publishes.
     pub fn turn(&mut self) {
-        let Self { engine, subscribers, publication, time, .. } = self;
+        let Self {
+            engine,
+            subscribers,
+            publication,
+            time,
+            ..
+        } = self;
         let now_ns = time.now_ns();
         for (input, subscriber) in subscribers.iter().enumerate() {
             subscriber.receive(|publisher, header, elements| {

@@ -39,7 +39,10 @@ impl InstanceLock {
     /// Takes the instance or says who has it.
     pub fn take(instance: &Instance) -> Result<Self, LockError> {
         let path = instance.lock_path();
-        let failed = |source| LockError::File { path: path.clone(), source };
+        let failed = |source| LockError::File {
+            path: path.clone(),
+            source,
+        };
         let mut file = File::options()
             .create(true)
             .truncate(false)
@@ -52,7 +55,10 @@ impl InstanceLock {
             Err(TryLockError::WouldBlock) => {
                 let mut pid = String::new();
                 file.read_to_string(&mut pid).map_err(failed)?;
-                return Err(LockError::Held { instance: instance.name.to_string(), pid: pid.trim().into() });
+                return Err(LockError::Held {
+                    instance: instance.name.to_string(),
+                    pid: pid.trim().into(),
+                });
             }
             Err(TryLockError::Error(source)) => return Err(failed(source)),
         }
@@ -72,7 +78,10 @@ mod tests {
         let instance = Instance::new("twice".parse().unwrap(), directory.path());
         let first = InstanceLock::take(&instance).unwrap();
         let message = InstanceLock::take(&instance).unwrap_err().to_string();
-        assert!(message.contains(&format!("process {}", std::process::id())), "{message}");
+        assert!(
+            message.contains(&format!("process {}", std::process::id())),
+            "{message}"
+        );
         drop(first);
         InstanceLock::take(&instance).unwrap();
     }

@@ -24,20 +24,32 @@ pub fn apply(options: &RealtimeSection) {
     }
     if let Some(cpu) = options.cpu {
         let mut cpus = CpuSet::new();
-        match cpus.set(cpu).and_then(|()| sched_setaffinity(Pid::from_raw(0), &cpus)) {
+        match cpus
+            .set(cpu)
+            .and_then(|()| sched_setaffinity(Pid::from_raw(0), &cpus))
+        {
             Ok(()) => info!(cpu, "step thread bound to its processor"),
             Err(error) => warn!(%error, cpu, "cannot bind the step thread: is there such a processor?"),
         }
     }
     if let Some(priority) = options.fifo_priority {
         let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
-        let set = ThreadPriorityValue::try_from(priority).map_err(|error| error.to_string()).and_then(|value| {
-            set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Crossplatform(value), policy)
+        let set = ThreadPriorityValue::try_from(priority)
+            .map_err(|error| error.to_string())
+            .and_then(|value| {
+                set_thread_priority_and_policy(
+                    thread_native_id(),
+                    ThreadPriority::Crossplatform(value),
+                    policy,
+                )
                 .map_err(|error| format!("{error:?}"))
-        });
+            });
         match set {
             Ok(()) => info!(priority, "step thread runs under SCHED_FIFO"),
-            Err(error) => warn!(error, "cannot use SCHED_FIFO: raise LimitRTPRIO or grant CAP_SYS_NICE"),
+            Err(error) => warn!(
+                error,
+                "cannot use SCHED_FIFO: raise LimitRTPRIO or grant CAP_SYS_NICE"
+            ),
         }
     }
 }

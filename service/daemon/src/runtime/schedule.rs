@@ -46,9 +46,15 @@ impl Agenda {
     /// An agenda with the first step of every diagnoser, in the order of `timings`.
     pub fn new(epoch_ns: u64, timings: &[Timing]) -> Self {
         let first = |(unit, timing): (usize, &Timing)| {
-            Reverse(Due { due_ns: timing.due_ns(epoch_ns, 0), priority: Reverse(timing.priority), unit })
+            Reverse(Due {
+                due_ns: timing.due_ns(epoch_ns, 0),
+                priority: Reverse(timing.priority),
+                unit,
+            })
         };
-        Self { heap: timings.iter().enumerate().map(first).collect() }
+        Self {
+            heap: timings.iter().enumerate().map(first).collect(),
+        }
     }
 
     /// When the next step is due, nanoseconds; none if there is no diagnoser.
@@ -75,7 +81,12 @@ mod tests {
     use super::*;
 
     fn timing(period_ns: u64, phase_ns: u64, margin_ns: u64, priority: i32) -> Timing {
-        Timing { period_ns, phase_ns, margin_ns, priority }
+        Timing {
+            period_ns,
+            phase_ns,
+            margin_ns,
+            priority,
+        }
     }
 
     #[test]
@@ -87,7 +98,12 @@ mod tests {
 
     #[test]
     fn steps_come_by_due_time_then_priority_then_position() {
-        let timings = [timing(10, 0, 5, 0), timing(10, 5, 0, 1), timing(20, 0, 0, -1), timing(10, 0, 5, 1)];
+        let timings = [
+            timing(10, 0, 5, 0),
+            timing(10, 5, 0, 1),
+            timing(20, 0, 0, -1),
+            timing(10, 0, 5, 1),
+        ];
         let mut agenda = Agenda::new(100, &timings);
         let mut steps = [0; 4];
         let mut order = Vec::new();
@@ -96,7 +112,15 @@ mod tests {
             steps[unit] += 1;
             agenda.reschedule(timings[unit].due_ns(100, steps[unit]));
         }
-        let expected = [(100, 2), (105, 1), (105, 3), (105, 0), (115, 1), (115, 3), (115, 0)];
+        let expected = [
+            (100, 2),
+            (105, 1),
+            (105, 3),
+            (105, 0),
+            (115, 1),
+            (115, 3),
+            (115, 0),
+        ];
         assert_eq!(order, expected);
         assert_eq!(agenda.next_due_ns(), Some(120));
     }

@@ -6,7 +6,9 @@ use super::{
     error::ConstructionError,
     filter::{CoupledFilter, CoupledOptions, Workspace, reset_by_strip, state_bound},
     modes::{FaultMode, enumerate_modes},
-    options::{Form, GainRule, Initialisation, Isolation, MissingPolicy, ResetRule, UnknownInputFilterOptions},
+    options::{
+        Form, GainRule, Initialisation, Isolation, MissingPolicy, ResetRule, UnknownInputFilterOptions,
+    },
     outcome::{Outcome, TestRow},
     parity::ParityTest,
     parity_window::ParityWindow,
@@ -88,7 +90,11 @@ impl UnknownInputFilterBank {
         options.validate(&model)?;
         let filter = &options.filter;
         let order = filter.effective_generator_order();
-        let plant = Plant::new(&model, order, filter.outward_rounding && filter.form == Form::Coupled);
+        let plant = Plant::new(
+            &model,
+            order,
+            filter.outward_rounding && filter.form == Form::Coupled,
+        );
         let pairs = options.bank.simultaneous_faults.contains(&2);
         let mode_sets = enumerate_modes(plant.nu(), options.bank.fault_free_mode, pairs);
         let shaping = filter.s.as_ref().map(|s| {
@@ -114,7 +120,9 @@ impl UnknownInputFilterBank {
         for certificate in options.parity.certificates.iter().flatten() {
             let test = ParityTest::new(certificate, &model, filter.outward_rounding)?;
             let Some(target) = modes.iter_mut().find(|target| target.mode == certificate.mode) else {
-                return Err(ConstructionError::CertificateWithoutMode { mode: certificate.mode });
+                return Err(ConstructionError::CertificateWithoutMode {
+                    mode: certificate.mode,
+                });
             };
             target.parity.push(test);
         }
@@ -151,14 +159,21 @@ impl UnknownInputFilterBank {
             description: Description {
                 method: "unknown_input_filter",
                 channels: layout.descriptions().to_vec(),
-                faults: model.actuators().iter().map(|actuator| actuator.name.clone()).collect(),
+                faults: model
+                    .actuators()
+                    .iter()
+                    .map(|actuator| actuator.name.clone())
+                    .collect(),
                 measurement_count: plant.ny(),
                 command_count: plant.nu(),
             },
             work: Workspace::new(&plant, order, own, filter.effective_reduction()),
             measured: Measured::new(&plant),
             outcomes: mode_sets.iter().map(|&mode| Outcome::new(&plant, mode)).collect(),
-            parity: modes.iter().map(|mode| vec![TestRow::default(); mode.parity.len()]).collect(),
+            parity: modes
+                .iter()
+                .map(|mode| vec![TestRow::default(); mode.parity.len()])
+                .collect(),
             hull: SetState::new(plant.nx(), columns),
             state_bound: vec![0.0; plant.nx()],
             command: Command::new(&plant),
@@ -189,8 +204,15 @@ impl UnknownInputFilterBank {
     ///
     /// `None` while the bank has not started, while the set is lost, and for a mode that is not there.
     pub fn state_set(&self, mode: usize) -> Option<(Vec<f64>, Vec<f64>)> {
-        let set = self.state.sets.get(mode).filter(|set| self.state.started && !set.void)?;
-        Some((set.centre.clone(), (0..set.centre.len()).map(|i| set.extent(i)).collect()))
+        let set = self
+            .state
+            .sets
+            .get(mode)
+            .filter(|set| self.state.started && !set.void)?;
+        Some((
+            set.centre.clone(),
+            (0..set.centre.len()).map(|i| set.extent(i)).collect(),
+        ))
     }
 
     fn advance(&mut self, y: &[f64], u: &[f64], record: &mut StepRecord) {
@@ -215,7 +237,8 @@ impl UnknownInputFilterBank {
         record.verdict = self.verdict(first, tested, &conclusion) as u32;
         record.certainly_faulty = conclusion.certainly_faulty;
         record.possibly_faulty = conclusion.possibly_faulty;
-        self.layout.write(&self.outcomes, &self.parity, &self.modes, &conclusion, record);
+        self.layout
+            .write(&self.outcomes, &self.parity, &self.modes, &conclusion, record);
     }
 
     /// Instant 0: the first sets.
@@ -242,7 +265,14 @@ impl UnknownInputFilterBank {
         let sets = self.state.sets.iter_mut().zip(&mut self.outcomes);
         for (mode, (set, outcome)) in self.modes.iter().zip(sets) {
             if let Some(filter) = &mode.filter {
-                filter.step(&self.plant, &self.command, &self.measured, set, &mut self.work, outcome);
+                filter.step(
+                    &self.plant,
+                    &self.command,
+                    &self.measured,
+                    set,
+                    &mut self.work,
+                    outcome,
+                );
             }
         }
     }
@@ -257,7 +287,11 @@ impl UnknownInputFilterBank {
             self.state.windows[i].push(y, &self.state.command, &self.state_bound);
             for (test, row) in mode.parity.iter().zip(&mut self.parity[i]) {
                 *row = match test.evaluate(&self.state.windows[i]) {
-                    Some((residual, half_width)) => TestRow { residual, half_width, evaluated: true },
+                    Some((residual, half_width)) => TestRow {
+                        residual,
+                        half_width,
+                        evaluated: true,
+                    },
                     None => TestRow::default(),
                 };
                 if row.evaluated {
@@ -274,7 +308,8 @@ impl UnknownInputFilterBank {
         for i in 0..self.modes.len() {
             let alarm = self.alarm(i);
             alarmed |= alarm;
-            self.state.falsified[i] = alarm || self.state.falsified[i] && self.rules.isolation == Isolation::Latched;
+            self.state.falsified[i] =
+                alarm || self.state.falsified[i] && self.rules.isolation == Isolation::Latched;
         }
         let mut reset = self.reset_lost_sets();
         if alarmed {
@@ -305,7 +340,8 @@ impl UnknownInputFilterBank {
     }
 
     fn verdict(&self, first: bool, tested: bool, conclusion: &Conclusion) -> Verdict {
-        let mut guarded = (0..self.modes.len()).filter(|&i| self.survives(i) && self.modes[i].filter.is_some());
+        let mut guarded =
+            (0..self.modes.len()).filter(|&i| self.survives(i) && self.modes[i].filter.is_some());
         if first {
             return Verdict::Starting;
         }
@@ -351,6 +387,8 @@ impl Diagnoser for UnknownInputFilterBank {
         self.state.falsified.fill(false);
         self.state.quiet = 0;
         self.outcomes.iter_mut().for_each(Outcome::clear);
-        self.parity.iter_mut().for_each(|rows| rows.fill(TestRow::default()));
+        self.parity
+            .iter_mut()
+            .for_each(|rows| rows.fill(TestRow::default()));
     }
 }

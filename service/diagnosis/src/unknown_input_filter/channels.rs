@@ -36,7 +36,12 @@ impl ChannelLayout {
     ) -> Result<Self, ConstructionError> {
         let publish = options.filter.publish;
         let mut descriptions = Vec::new();
-        let mut add = |name: String, unit: &str| descriptions.push(ChannelDescription { name, unit: unit.to_owned() });
+        let mut add = |name: String, unit: &str| {
+            descriptions.push(ChannelDescription {
+                name,
+                unit: unit.to_owned(),
+            })
+        };
         for mode in modes.iter().filter(|mode| mode.filter.is_some()) {
             let prefix = format!("mode_{}", mode.mode.label());
             if publish == Publish::Worst {
@@ -62,10 +67,17 @@ impl ChannelLayout {
             }
         }
         if descriptions.len() > MAX_CHANNELS {
-            return Err(ConstructionError::TooManyChannels { count: descriptions.len(), limit: MAX_CHANNELS });
+            return Err(ConstructionError::TooManyChannels {
+                count: descriptions.len(),
+                limit: MAX_CHANNELS,
+            });
         }
         let floors = Floors::new(model.actuator_count(), options.filter.fault_of_interest.clone());
-        Ok(Self { publish, descriptions, floors })
+        Ok(Self {
+            publish,
+            descriptions,
+            floors,
+        })
     }
 
     pub fn descriptions(&self) -> &[ChannelDescription] {
@@ -97,12 +109,17 @@ impl ChannelLayout {
                 Publish::All => {
                     rows.for_each(&mut put);
                     outcomes[i].estimates.iter().for_each(|estimate| {
-                        put(estimate.map_or(Channel::NOT_EVALUATED, |e| Channel::estimate(e.centre, e.radius)));
+                        put(estimate
+                            .map_or(Channel::NOT_EVALUATED, |e| Channel::estimate(e.centre, e.radius)));
                     });
                 }
                 Publish::Worst => {
                     put(rows.fold(Channel::NOT_EVALUATED, |worst, row| {
-                        if row.is_evaluated() && !(row.ratio <= worst.ratio) { row } else { worst }
+                        if row.is_evaluated() && !(row.ratio <= worst.ratio) {
+                            row
+                        } else {
+                            worst
+                        }
                     }));
                 }
             }
@@ -111,7 +128,9 @@ impl ChannelLayout {
         if self.floors.inert() {
             record.flags |= crate::diagnoser::flags::THRESHOLD_INERT;
         }
-        let isolated = modes.iter().position(|mode| conclusion.isolated == Some(mode.mode) && mode.mode.len() == 1);
+        let isolated = modes
+            .iter()
+            .position(|mode| conclusion.isolated == Some(mode.mode) && mode.mode.len() == 1);
         let estimate = isolated.and_then(|i| outcomes[i].estimates[0]);
         record.fault_estimate = estimate.map_or(f64::NAN, |estimate| estimate.centre);
         record.fault_estimate_half_width = estimate.map_or(f64::NAN, |estimate| estimate.radius);
@@ -119,14 +138,22 @@ impl ChannelLayout {
 }
 
 fn channel(row: &TestRow) -> Channel {
-    if row.evaluated { Channel::two_sided(row.residual, row.half_width) } else { Channel::NOT_EVALUATED }
+    if row.evaluated {
+        Channel::two_sided(row.residual, row.half_width)
+    } else {
+        Channel::NOT_EVALUATED
+    }
 }
 
 /// Bit i: element i of the measurements followed by the commands was received; bits beyond 63 are left out.
 pub(super) fn inputs_valid(plant: &Plant, y: &[f64], u: &[f64]) -> u64 {
     let (ny, nu) = (plant.ny(), plant.nu());
     let measurements = y.iter().filter(|_| y.len() == ny).enumerate();
-    let commands = u.iter().filter(|_| u.len() == nu).enumerate().map(|(j, value)| (ny + j, value));
+    let commands = u
+        .iter()
+        .filter(|_| u.len() == nu)
+        .enumerate()
+        .map(|(j, value)| (ny + j, value));
     measurements
         .chain(commands)
         .filter(|(bit, value)| *bit < 64 && value.is_finite())

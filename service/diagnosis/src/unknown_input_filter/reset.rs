@@ -30,7 +30,11 @@ impl UnknownInputFilterBank {
             if self.modes[i].filter.is_none() || !(wrong || self.state.sets[i].void) {
                 continue;
             }
-            let source = if self.survives(i) { self.source_for_survivor(i) } else { self.source() };
+            let source = if self.survives(i) {
+                self.source_for_survivor(i)
+            } else {
+                self.source()
+            };
             any |= source.is_some();
             self.take_set(i, source);
         }
@@ -64,7 +68,9 @@ impl UnknownInputFilterBank {
 
     /// Source of a set that contains the state if some survivor is the truth.
     fn source(&self) -> Option<Source> {
-        self.strip_source().or_else(|| self.copy_source()).or_else(|| self.box_source())
+        self.strip_source()
+            .or_else(|| self.copy_source())
+            .or_else(|| self.box_source())
     }
 
     /// Source of a set for a mode that is itself a possible truth: another mode's set contains the state as well
@@ -108,7 +114,13 @@ impl UnknownInputFilterBank {
     fn take_set(&mut self, i: usize, source: Option<Source>) {
         match (source, &self.plant.strip, &self.plant.state_box) {
             (Some(Source::Strip), Some(strip), _) => {
-                reset_by_strip(&self.plant, strip, &self.measured.y, &mut self.state.sets[i], &mut self.work);
+                reset_by_strip(
+                    &self.plant,
+                    strip,
+                    &self.measured.y,
+                    &mut self.state.sets[i],
+                    &mut self.work,
+                );
             }
             (Some(Source::Mode(donor)), ..) if donor != i => {
                 if let Ok([target, donor]) = self.state.sets.get_disjoint_mut([i, donor]) {
