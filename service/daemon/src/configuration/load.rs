@@ -79,7 +79,7 @@ fn load(source: &Source) -> Result<Configuration, ConfigurationError> {
         .zip(inputs.as_deref())
         .map(|(section, inputs)| validate::replay(section, inputs, &mut mistakes));
     match (daemon, realtime, inputs, diagnosers) {
-        (Some(daemon), Some(realtime), Some(inputs), Some(diagnosers)) if mistakes.is_empty() => {
+        (Some(daemon), Some(realtime), Some(inputs), Some(diagnosers)) if mistakes.len() == 0 => {
             Ok(Configuration { daemon, realtime, inputs, diagnosers, replay })
         }
         _ => Err(mistakes.into_error()),
@@ -140,12 +140,14 @@ fn diagnoser_section(
     let Some(schema::DiagnoserMethod { method }) = method else {
         return (section, None);
     };
+    let before = mistakes.len();
     let known = [choice, shared, method.keys().as_slice()].concat();
     for key in entries.keys().filter(|key| !known.contains(&key.get_ref().as_ref())) {
         mistakes.unknown_key(key.span(), key.get_ref(), &known);
     }
     let method = method.read(entries, span, path, &all_but(&method.keys()), mistakes);
-    (section, method)
+    // Tables with a mistake are not judged as a whole: what was left out would only look wrong a second time.
+    (section, method.filter(|_| mistakes.len() == before))
 }
 
 type Section<'a, 't> = (&'a DeTable<'t>, Range<usize>);

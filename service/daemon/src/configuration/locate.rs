@@ -84,9 +84,9 @@ impl<'d> Mistakes<'d> {
         self.at_span(span, format!("unknown key `{key}`"), did_you_mean(key, known, "known keys"));
     }
 
-    /// Whether nothing was found so far.
-    pub fn is_empty(&self) -> bool {
-        self.list.is_empty()
+    /// How many were found so far.
+    pub fn len(&self) -> usize {
+        self.list.len()
     }
 
     /// The error with all mistakes, in the order of their places.

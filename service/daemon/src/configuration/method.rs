@@ -49,6 +49,7 @@ impl From<ModelError> for MethodError {
             ModelError::LowerAboveUpper { key, index, .. } | ModelError::EmptyName { key, index } => {
                 format!("{key}.{index}")
             }
+            ModelError::MissingPartner { present, .. } => (*present).to_owned(),
             other => other.key(),
         };
         Self::new(key, &error.to_string())
