@@ -1,5 +1,7 @@
 //! Which options do not fit together or do not fit the model, and what to do about it.
 
+use super::certificate::CertificateError;
+use super::modes::FaultMode;
 use thiserror::Error;
 
 /// Why the options of an unknown-input filter bank were refused.
@@ -99,6 +101,25 @@ pub enum OptionsError {
         /// What to configure instead.
         alternative: &'static str,
     },
+    /// A certificate that does not belong to the model.
+    #[error("entry {index} of `parity.certificates` is refused: {source}")]
+    Certificate {
+        /// Position, from 0.
+        index: usize,
+        /// Why.
+        source: CertificateError,
+    },
+    /// A certificate of a mode that the bank does not run.
+    #[error(
+        "entry {index} of `parity.certificates` is for the mode {mode}, which this bank does not run; remove it or \
+         add the mode through `bank.simultaneous_faults` or `bank.fault_free_mode`"
+    )]
+    CertificateOfUnlistedMode {
+        /// Position, from 0.
+        index: usize,
+        /// Its mode.
+        mode: FaultMode,
+    },
 }
 
 impl OptionsError {
@@ -108,6 +129,7 @@ impl OptionsError {
             Self::GeneratorOrderTooSmall { .. } => "filter.generator_order",
             Self::SimultaneousFaults { .. } => "bank.simultaneous_faults",
             Self::NotACovariance => "filter.initial_covariance",
+            Self::Certificate { .. } | Self::CertificateOfUnlistedMode { .. } => "parity.certificates",
             Self::OutOfRange { key, .. }
             | Self::NeedsForm { key, .. }
             | Self::Missing { key, .. }

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::model::{LinearModel, ModelOptions};
+use crate::unknown_input_filter::options_error::OptionsError;
 use serde::Deserialize;
 
 #[derive(Deserialize)]
@@ -121,7 +122,6 @@ fn every_misuse_names_its_key() {
     for (key, change) in cases {
         assert_eq!(refused_key(change), key);
     }
-    assert_eq!(refused_key(|o| o.filter.s = Some(zeros(4, 4))), "filter.S");
     let wrong_shape = |o: &mut UnknownInputFilterOptions| {
         o.filter.form = Form::Paper;
         o.filter.s = Some(zeros(4, 3));
@@ -145,6 +145,41 @@ fn every_misuse_names_its_key() {
         refused_key(|o| kalman(o, (0..4).map(indefinite).collect())),
         "filter.initial_covariance"
     );
+}
+
+#[test]
+fn certificates_are_checked_against_the_model_and_the_bank() {
+    let table = table();
+    let mut options = options(&table);
+    let design = include_str!("../../tests/reference/unknown_input_filter/vtol_design.json");
+    let reference: serde_json::Value = serde_json::from_str(design).unwrap();
+    let mut first = reference["certificates"][0].as_object().unwrap().clone();
+    first.retain(|key, _| ["mode", "fault", "L", "mu", "lambda"].contains(&key.as_str()));
+    let certificate: ParityCertificate = serde_json::from_value(first.into()).unwrap();
+    let model = LinearModel::new(&table.model, 0.01).unwrap();
+    options.parity.certificates = Some(vec![certificate]);
+    assert_eq!(options.validate(&model), Ok(()));
+    let round_trip: UnknownInputFilterOptions = toml::from_str(&toml::to_string(&options).unwrap()).unwrap();
+    assert_eq!(round_trip, options);
+
+    options.filter.form = Form::Paper;
+    assert_eq!(options.validate(&model).unwrap_err().key(), "parity.certificates");
+    options.filter.form = Form::Coupled;
+    let mut pair_only = options.clone();
+    pair_only.parity.certificates.as_mut().unwrap()[0].mode = FaultMode::FAULT_FREE;
+    assert_eq!(pair_only.validate(&model), Ok(()));
+    pair_only.bank.fault_free_mode = false;
+    assert!(matches!(
+        pair_only.validate(&model),
+        Err(OptionsError::CertificateOfUnlistedMode { index: 0, .. })
+    ));
+    options.parity.certificates.as_mut().unwrap()[0].lambda[0][1] *= 1.001;
+    let error = options.validate(&model).unwrap_err();
+    assert!(
+        matches!(error, OptionsError::Certificate { index: 0, .. }),
+        "{error}"
+    );
+    assert_eq!(error.key(), "parity.certificates");
 }
 
 #[test]

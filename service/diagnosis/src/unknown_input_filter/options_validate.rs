@@ -21,6 +21,7 @@ impl UnknownInputFilterOptions {
         self.validate_forms()?;
         self.validate_start(model, strip_available)?;
         self.validate_kalman(model)?;
+        self.validate_certificates(model)?;
         if self.filter.form == Form::Coupled
             && self.missing.policy == MissingPolicy::BoundedFault
             && self.missing.fault_bound.is_none()
@@ -111,9 +112,6 @@ impl UnknownInputFilterOptions {
             if filter.test == TestRule::Printed {
                 return needs("filter.test", "\"printed\"", "paper");
             }
-            if filter.s.is_some() {
-                return needs("filter.S", "(a matrix)", "paper");
-            }
         }
         if filter.form != Form::Coupled {
             if filter.gain == GainRule::Fixed {
@@ -165,6 +163,30 @@ impl UnknownInputFilterOptions {
                 (model.state_count(), model.output_count()),
                 "states x outputs",
             )?;
+        }
+        Ok(())
+    }
+
+    fn validate_certificates(&self, model: &LinearModel) -> Result<(), OptionsError> {
+        let certificates = self.parity.certificates.as_deref().unwrap_or_default();
+        if !certificates.is_empty() && self.filter.form != Form::Coupled {
+            return Err(OptionsError::NeedsForm {
+                key: "parity.certificates",
+                value: "(a list)".to_owned(),
+                form: "coupled",
+            });
+        }
+        let modes = self.bank.modes(model.actuator_count());
+        for (index, certificate) in certificates.iter().enumerate() {
+            certificate
+                .validate(model)
+                .map_err(|source| OptionsError::Certificate { index, source })?;
+            if !modes.contains(&certificate.mode) {
+                return Err(OptionsError::CertificateOfUnlistedMode {
+                    index,
+                    mode: certificate.mode,
+                });
+            }
         }
         Ok(())
     }
