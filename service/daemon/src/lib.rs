@@ -5,6 +5,6 @@
 //! | [`configuration`] | the configuration file: loading, validation, located mistakes |
 //! | [`cli`], [`commands`] | the command line |
 
-
-
+pub mod cli;
+pub mod commands;
 pub mod configuration;

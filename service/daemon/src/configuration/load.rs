@@ -16,7 +16,7 @@ use toml::de::{DeTable, DeValue};
 pub struct Loaded {
     /// The configuration in force.
     pub configuration: Configuration,
-    source: Source,
+    pub(super) source: Source,
 }
 
 impl Configuration {

@@ -1,9 +1,12 @@
 //! The diagnosis methods: from the tables of a diagnoser to the diagnoser itself.
 
+use super::build::BuiltDiagnoser;
 use super::deserialise::{keys_of, read};
 use super::locate::Mistakes;
 use super::schema::Method;
 use residual_diagnosis::model::{LinearModel, ModelError, ModelOptions};
+use residual_diagnosis::unknown_input_filter::UnknownInputFilterBank;
+use residual_diagnosis::unknown_input_filter::error::ConstructionError;
 use residual_diagnosis::unknown_input_filter::options::UnknownInputFilterOptions;
 use residual_diagnosis::unknown_input_filter::options_error::OptionsError;
 use std::collections::HashSet;
@@ -67,6 +70,21 @@ impl From<OptionsError> for MethodError {
     }
 }
 
+impl From<ConstructionError> for MethodError {
+    fn from(error: ConstructionError) -> Self {
+        let key = match error {
+            ConstructionError::Options(error) => return error.into(),
+            ConstructionError::Certificate(_) | ConstructionError::CertificateWithoutMode { .. } => {
+                "parity.certificates"
+            }
+            ConstructionError::TooManyChannels { .. } => "filter.publish",
+            ConstructionError::NoStableFixedGain { .. } => "filter.gain",
+            _ => "method",
+        };
+        Self::new(key.to_owned(), &error.to_string())
+    }
+}
+
 impl MethodConfiguration {
     /// The method's name, as written in the configuration.
     pub fn name(&self) -> &'static str {
@@ -95,6 +113,27 @@ impl MethodConfiguration {
         }
     }
 
+    /// Constructs the diagnoser.
+    ///
+    /// # Errors
+    /// The first condition of the method that does not hold.
+    pub fn build(&self, sample_time_s: f64) -> Result<BuiltDiagnoser, MethodError> {
+        match self {
+            Self::UnknownInputFilter { model, options } => {
+                let model = LinearModel::new(model, sample_time_s)?;
+                let names: Vec<_> = model.actuators().iter().map(|actuator| actuator.name.clone()).collect();
+                let names: Vec<_> = names.iter().map(String::as_str).collect();
+                let bank = UnknownInputFilterBank::new(model, options)?;
+                let modes: Vec<_> = bank.modes().iter().map(|mode| mode.describe(&names)).collect();
+                Ok(BuiltDiagnoser {
+                    diagnoser: Box::new(bank),
+                    notes: vec![("fault modes", modes.join(", "))],
+                    warnings: unknown_input_filter_warnings(options),
+                })
+            }
+        }
+    }
+
     /// Fills in names and units of outputs and actuators, where the model states none, with those of the
     /// signals (name, unit); names only if they are unique.
     pub(super) fn name_signals(&mut self, measurements: &[(String, String)], commands: &[(String, String)]) {
@@ -105,6 +144,26 @@ impl MethodConfiguration {
             }
         }
     }
+}
+
+fn unknown_input_filter_warnings(options: &UnknownInputFilterOptions) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let certificates = options.parity.certificates.as_ref().map_or(0, Vec::len);
+    if certificates == 0 && !options.parity.lengths.is_empty() {
+        warnings.push(
+            "`parity.lengths` asks for tests over windows, but there are no certificates for them: only the \
+             one-step tests run"
+                .to_owned(),
+        );
+    }
+    if options.filter.fault_of_interest.is_none() {
+        warnings.push(
+            "`filter.fault_of_interest` is not set: no record will tell when thresholds become too wide to see \
+             a fault"
+                .to_owned(),
+        );
+    }
+    warnings
 }
 
 fn adopt(signals: &[(String, String)], names: &mut Option<Vec<String>>, units: &mut Option<Vec<String>>) {

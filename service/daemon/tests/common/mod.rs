@@ -27,7 +27,7 @@ pub fn line_of(text: &str, words: &str) -> usize {
 /// The mistakes of a text, those of the construction of its diagnosers included; empty if it is in order.
 pub fn mistakes_of(text: &str) -> Vec<Mistake> {
     let built = Configuration::from_text("vtol.toml", text)
-        .and_then(|_loaded| Ok(()));
+        .and_then(|loaded| loaded.build_diagnosers().map(|_| ()));
     match built {
         Ok(()) => Vec::new(),
         Err(ConfigurationError::Mistakes { mistakes, .. }) => mistakes,
