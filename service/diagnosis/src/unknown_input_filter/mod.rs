@@ -1,6 +1,7 @@
 //! Bank of zonotopic unknown-input set-membership filters (method sheet 1 to 4).
 
 pub mod certificate;
+pub mod checks;
 pub mod decision;
 pub mod modes;
 pub mod options;
