@@ -5,5 +5,8 @@
 
 pub mod diagnoser;
 pub mod discretise;
+pub mod factor;
+pub mod matrix;
 pub mod model;
 pub mod unknown_input_filter;
+pub mod zonotope;

@@ -1,11 +1,27 @@
 //! Bank of zonotopic unknown-input set-membership filters (method sheet 1 to 4).
 
+mod bank;
 pub mod certificate;
+mod channels;
 pub mod checks;
 pub mod decision;
+mod decoupling;
+pub mod error;
+mod filter;
+mod floors;
+mod gain;
+mod missing;
 pub mod modes;
 pub mod options;
 pub mod options_error;
 mod options_validate;
+mod outcome;
+mod outward;
 pub mod parity;
 pub mod parity_window;
+mod plant;
+mod prediction;
+mod reset;
+mod state;
+
+pub use bank::UnknownInputFilterBank;

@@ -1,6 +1,7 @@
 //! What a user can set for a bank of unknown-input filters (method sheet 7).
 
 use super::certificate::ParityCertificate;
+pub use crate::zonotope::Reduction;
 use super::modes::{FaultMode, enumerate_modes};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
@@ -93,7 +94,8 @@ pub struct FilterOptions {
     /// Threshold of the innovation's norm, in units of y; required in the `kalman_3sigma` form, only there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub residual_norm_threshold: Option<f64>,
-    /// Free matrix S of the paper's equation (28), nx x ny, paper form only; default zero.
+    /// Free matrix S of the paper's equation (28), nx x ny; default zero. In the coupled form it only shapes the
+    /// test rows (I - CS) P. The fault-free mode has none.
     #[serde(rename = "S", skip_serializing_if = "Option::is_none")]
     pub s: Option<Vec<Vec<f64>>>,
     /// Typical |x|, length nx, state units, used for off-line optimisation only; default zero.
@@ -246,16 +248,6 @@ choice! {
         Fixed = "fixed",
         /// The minimiser of the Frobenius norm.
         Frobenius = "frobenius",
-    }
-}
-
-choice! {
-    /// Which columns the order reduction keeps (method sheet 4.3).
-    Reduction {
-        /// Largest 1-norm minus maximum norm after scaling: independent of units.
-        #[default] GirardScaled = "girard_scaled",
-        /// Largest euclidean norm, as in the paper.
-        Euclidean = "euclidean",
     }
 }
 

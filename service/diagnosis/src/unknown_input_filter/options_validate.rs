@@ -112,9 +112,6 @@ impl UnknownInputFilterOptions {
             if filter.test == TestRule::Printed {
                 return needs("filter.test", "\"printed\"", "paper");
             }
-            if filter.s.is_some() {
-                return needs("filter.S", "(a matrix)", "paper");
-            }
         }
         if filter.form != Form::Coupled {
             if filter.gain == GainRule::Fixed {

@@ -1,0 +1,356 @@
+//! The bank: one filter per fault mode, their common verdict, resets and episodes (method sheet 4.5, 4.6, 4.12).
+
+use super::{
+    channels::{ChannelLayout, inputs_valid},
+    decision::{Conclusion, Decision, decide},
+    error::ConstructionError,
+    filter::{CoupledFilter, CoupledOptions, Workspace, reset_by_strip, state_bound},
+    modes::{FaultMode, enumerate_modes},
+    options::{Form, GainRule, Initialisation, Isolation, MissingPolicy, ResetRule, UnknownInputFilterOptions},
+    outcome::{Outcome, TestRow},
+    parity::ParityTest,
+    parity_window::ParityWindow,
+    plant::{Command, Measured, Plant},
+    state::SetState,
+};
+use crate::{
+    diagnoser::{Description, Diagnoser, StepInput, StepRecord, Verdict, flags},
+    matrix::Matrix,
+    model::LinearModel,
+};
+
+/// One fault mode: its filter and its parity tests.
+pub(super) struct Mode {
+    pub mode: FaultMode,
+    /// `None` for an untestable mode that was allowed: it is never falsified.
+    pub filter: Option<CoupledFilter>,
+    pub parity: Vec<ParityTest>,
+}
+
+/// Everything that changes from instant to instant.
+#[derive(Clone, Debug)]
+pub(super) struct BankState {
+    /// Whether the first complete packet has arrived.
+    pub started: bool,
+    /// Command received at the last instant, NaN where it is missing.
+    pub command: Vec<f64>,
+    pub sets: Vec<SetState>,
+    pub windows: Vec<ParityWindow>,
+    pub falsified: Vec<bool>,
+    /// Tested instants since the last alarm.
+    pub quiet: u32,
+}
+
+/// Rules of the bank that do not change.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BankRules {
+    pub isolation: Isolation,
+    pub reset: ResetRule,
+    pub clear_samples: u32,
+    pub start_by_strip: bool,
+}
+
+/// Where a filter that starts from the prior begins.
+struct Prior {
+    centre: Vec<f64>,
+    radius: Vec<f64>,
+}
+
+/// A bank of zonotopic unknown-input set-membership filters.
+///
+/// The command of an instant acts until the next one, so that the first test is one instant after the first
+/// complete packet (every measurement and every command); until then the verdict is `Starting`. Once a mode is
+/// falsified the verdict stays `Isolated` or `Fault` until the episode ends, also at instants without a test.
+pub struct UnknownInputFilterBank {
+    pub(super) plant: Plant,
+    pub(super) modes: Vec<Mode>,
+    pub(super) rules: BankRules,
+    pub(super) state: BankState,
+    pub(super) work: Workspace,
+    pub(super) measured: Measured,
+    pub(super) outcomes: Vec<Outcome>,
+    pub(super) parity: Vec<Vec<TestRow>>,
+    pub(super) hull: SetState,
+    pub(super) state_bound: Vec<f64>,
+    mode_sets: Vec<FaultMode>,
+    command: Command,
+    prior: Option<Prior>,
+    layout: ChannelLayout,
+    description: Description,
+}
+
+impl UnknownInputFilterBank {
+    /// Builds the bank of a model.
+    ///
+    /// # Errors
+    /// [`ConstructionError`] with the entry of the configuration that is wrong.
+    pub fn new(model: LinearModel, options: &UnknownInputFilterOptions) -> Result<Self, ConstructionError> {
+        options.validate(&model)?;
+        let filter = &options.filter;
+        let order = filter.effective_generator_order();
+        let plant = Plant::new(&model, order, filter.outward_rounding && filter.form == Form::Coupled);
+        let pairs = options.bank.simultaneous_faults.contains(&2);
+        let mode_sets = enumerate_modes(plant.nu(), options.bank.fault_free_mode, pairs);
+        let shaping = filter.s.as_ref().map(|s| {
+            let s = nalgebra::DMatrix::from_fn(plant.nx(), plant.ny(), |i, j| s[i][j]);
+            Matrix::from(&(nalgebra::DMatrix::identity(plant.ny(), plant.ny()) - model.c() * s))
+        });
+        let bounded = options.missing.policy == MissingPolicy::BoundedFault;
+        let coupled = CoupledOptions {
+            shaping: shaping.as_ref(),
+            fault_bound: options.missing.fault_bound.as_deref().filter(|_| bounded),
+            row_wise: filter.gain != GainRule::Frobenius,
+            sweeps: filter.gain_sweeps,
+            order,
+        };
+        let mut modes = Vec::new();
+        for &mode in &mode_sets {
+            modes.push(Mode {
+                mode,
+                filter: Some(CoupledFilter::new(&plant, mode, &coupled)),
+                parity: Vec::new(),
+            });
+        }
+        for certificate in options.parity.certificates.iter().flatten() {
+            let test = ParityTest::new(certificate, &model, filter.outward_rounding)?;
+            let Some(target) = modes.iter_mut().find(|target| target.mode == certificate.mode) else {
+                return Err(ConstructionError::CertificateWithoutMode { mode: certificate.mode });
+            };
+            target.parity.push(test);
+        }
+        let own = mode_sets.iter().map(|mode| mode.len()).max().unwrap_or(0);
+        let columns = plant.column_capacity(order, own);
+        let transitions = |mode: &Mode| mode.parity.iter().map(ParityTest::transitions).max().unwrap_or(0);
+        let state = BankState {
+            started: false,
+            command: vec![f64::NAN; plant.nu()],
+            sets: vec![SetState::new(plant.nx(), columns); modes.len()],
+            windows: modes
+                .iter()
+                .map(|mode| ParityWindow::new(&model, transitions(mode), filter.outward_rounding))
+                .collect(),
+            falsified: vec![false; modes.len()],
+            quiet: 0,
+        };
+        let layout = ChannelLayout::new(&model, &modes, options)?;
+        Ok(Self {
+            rules: BankRules {
+                isolation: options.bank.isolation,
+                reset: options.bank.reset,
+                clear_samples: options.bank.clear_samples,
+                start_by_strip: match filter.initialisation {
+                    Initialisation::Prior => false,
+                    Initialisation::Strip => true,
+                    Initialisation::Auto => plant.strip.is_some(),
+                },
+            },
+            prior: model.initial_state().map(|prior| Prior {
+                centre: prior.center.as_slice().to_vec(),
+                radius: prior.radius.as_slice().to_vec(),
+            }),
+            description: Description {
+                method: "unknown_input_filter",
+                channels: layout.descriptions().to_vec(),
+                faults: model.actuators().iter().map(|actuator| actuator.name.clone()).collect(),
+                measurement_count: plant.ny(),
+                command_count: plant.nu(),
+            },
+            work: Workspace::new(&plant, order, own, filter.effective_reduction()),
+            measured: Measured::new(&plant),
+            outcomes: mode_sets.iter().map(|&mode| Outcome::new(&plant, mode)).collect(),
+            parity: modes.iter().map(|mode| vec![TestRow::default(); mode.parity.len()]).collect(),
+            hull: SetState::new(plant.nx(), columns),
+            state_bound: vec![0.0; plant.nx()],
+            command: Command::new(&plant),
+            mode_sets,
+            modes,
+            state,
+            layout,
+            plant,
+        })
+    }
+
+    /// The modes of the bank, in the order of their channels.
+    pub fn modes(&self) -> &[FaultMode] {
+        &self.mode_sets
+    }
+
+    /// Which modes are falsified, in the order of [`Self::modes`].
+    pub fn falsified(&self) -> &[bool] {
+        &self.state.falsified
+    }
+
+    /// What the falsified modes prove at present.
+    pub fn conclusion(&self) -> Conclusion {
+        decide(&self.mode_sets, &self.state.falsified)
+    }
+
+    /// Centre and radius of the set of the mode number `mode`; infinite radii where it is unbounded.
+    ///
+    /// `None` while the bank has not started, while the set is lost, and for a mode that is not there.
+    pub fn state_set(&self, mode: usize) -> Option<(Vec<f64>, Vec<f64>)> {
+        let set = self.state.sets.get(mode).filter(|set| self.state.started && !set.void)?;
+        Some((set.centre.clone(), (0..set.centre.len()).map(|i| set.extent(i)).collect()))
+    }
+
+    fn advance(&mut self, y: &[f64], u: &[f64], record: &mut StepRecord) {
+        self.measured.receive(&self.plant, y);
+        let commands_complete = u.len() == self.plant.nu() && u.iter().all(|value| value.is_finite());
+        let complete = self.measured.is_complete(&self.plant) && commands_complete;
+        let first = !self.state.started;
+        let mut events = 0;
+        if first && complete {
+            self.start();
+        } else if !first {
+            self.command.receive(&self.plant, &self.state.command);
+            self.step_filters();
+            self.step_parity(y);
+            events = self.judge();
+        }
+        self.store_command(u);
+        record.flags |= events | if complete { 0 } else { flags::INPUT_MISSING };
+        record.inputs_valid = inputs_valid(&self.plant, y, u);
+        let tested = !first && (0..self.modes.len()).any(|i| self.tested(i));
+        let conclusion = self.conclusion();
+        record.verdict = self.verdict(first, tested, &conclusion) as u32;
+        record.certainly_faulty = conclusion.certainly_faulty;
+        record.possibly_faulty = conclusion.possibly_faulty;
+        self.layout.write(&self.outcomes, &self.parity, &self.modes, &conclusion, record);
+    }
+
+    /// Instant 0: the first sets.
+    fn start(&mut self) {
+        self.state.started = true;
+        for i in 0..self.modes.len() {
+            if self.modes[i].filter.is_none() {
+                continue;
+            }
+            let set = &mut self.state.sets[i];
+            match (&self.plant.strip, &self.prior) {
+                (Some(strip), _) if self.rules.start_by_strip => {
+                    reset_by_strip(&self.plant, strip, &self.measured.y, set, &mut self.work);
+                }
+                (_, Some(prior)) => set.set_box(&prior.centre, &prior.radius),
+                _ => {}
+            }
+            state_bound(&self.plant, &self.state.sets[i], &mut self.state_bound);
+            self.state.windows[i].push(&self.measured.y, &self.state.command, &self.state_bound);
+        }
+    }
+
+    fn step_filters(&mut self) {
+        let sets = self.state.sets.iter_mut().zip(&mut self.outcomes);
+        for (mode, (set, outcome)) in self.modes.iter().zip(sets) {
+            if let Some(filter) = &mode.filter {
+                filter.step(&self.plant, &self.command, &self.measured, set, &mut self.work, outcome);
+            }
+        }
+    }
+
+    /// The windows and their tests (method sheet 4.4).
+    fn step_parity(&mut self, y: &[f64]) {
+        for (i, mode) in self.modes.iter().enumerate() {
+            if mode.parity.is_empty() {
+                continue;
+            }
+            state_bound(&self.plant, &self.state.sets[i], &mut self.state_bound);
+            self.state.windows[i].push(y, &self.state.command, &self.state_bound);
+            for (test, row) in mode.parity.iter().zip(&mut self.parity[i]) {
+                *row = match test.evaluate(&self.state.windows[i]) {
+                    Some((residual, half_width)) => TestRow { residual, half_width, evaluated: true },
+                    None => TestRow::default(),
+                };
+                if row.evaluated {
+                    let floor = &mut self.outcomes[i].floors[test.fault()];
+                    *floor = floor.min(2.0 * row.half_width / test.gain());
+                }
+            }
+        }
+    }
+
+    /// Falsification, resets and the end of an episode; returns the flags of the events.
+    fn judge(&mut self) -> u32 {
+        let mut alarmed = false;
+        for i in 0..self.modes.len() {
+            let alarm = self.alarm(i);
+            alarmed |= alarm;
+            self.state.falsified[i] = alarm || self.state.falsified[i] && self.rules.isolation == Isolation::Latched;
+        }
+        let mut reset = self.reset_lost_sets();
+        if alarmed {
+            self.state.quiet = 0;
+        } else if (0..self.modes.len()).any(|i| self.tested(i)) {
+            self.state.quiet = self.state.quiet.saturating_add(1);
+        }
+        let over = self.rules.clear_samples > 0 && self.state.quiet >= self.rules.clear_samples;
+        if over && self.state.falsified.contains(&true) {
+            reset |= self.end_episode();
+        }
+        (if alarmed { flags::ALARM_NOW } else { 0 }) | if reset { flags::RESET } else { 0 }
+    }
+
+    /// Whether any row or window of mode `i` alarms at this instant.
+    pub(super) fn alarm(&self, i: usize) -> bool {
+        self.outcomes[i].alarm() || self.parity[i].iter().any(TestRow::alarm)
+    }
+
+    fn tested(&self, i: usize) -> bool {
+        self.outcomes[i].tested() || self.parity[i].iter().any(|row| row.evaluated)
+    }
+
+    /// Whether mode `i` may be the truth: neither falsified nor, once anything is, fault-free.
+    pub(super) fn survives(&self, i: usize) -> bool {
+        let outdated = self.mode_sets[i].is_empty() && self.state.falsified.contains(&true);
+        !self.state.falsified[i] && !outdated
+    }
+
+    fn verdict(&self, first: bool, tested: bool, conclusion: &Conclusion) -> Verdict {
+        let mut guarded = (0..self.modes.len()).filter(|&i| self.survives(i) && self.modes[i].filter.is_some());
+        if first {
+            return Verdict::Starting;
+        }
+        let any = guarded.clone().next().is_some();
+        if any && guarded.all(|i| self.state.sets[i].void) {
+            return Verdict::GuaranteeLost;
+        }
+        match conclusion.decision {
+            Decision::Isolated => Verdict::Isolated,
+            Decision::Ambiguous | Decision::OutsideModel => Verdict::Fault,
+            Decision::None if tested => Verdict::Nominal,
+            Decision::None => Verdict::NotEvaluated,
+        }
+    }
+
+    fn store_command(&mut self, u: &[f64]) {
+        if u.len() == self.plant.nu() {
+            self.state.command.copy_from_slice(u);
+        } else {
+            self.state.command.fill(f64::NAN);
+        }
+    }
+}
+
+impl Diagnoser for UnknownInputFilterBank {
+    fn description(&self) -> &Description {
+        &self.description
+    }
+
+    fn step(&mut self, input: &StepInput<'_>, record: &mut StepRecord) {
+        self.advance(input.measurements, input.commands, record);
+    }
+
+    fn skip(&mut self, record: &mut StepRecord) {
+        self.advance(&[], &[], record);
+    }
+
+    fn reset(&mut self) {
+        self.state.started = false;
+        self.state.command.fill(f64::NAN);
+        self.state.sets.iter_mut().for_each(SetState::set_void);
+        self.state.windows.iter_mut().for_each(ParityWindow::restart);
+        self.state.falsified.fill(false);
+        self.state.quiet = 0;
+        self.outcomes.iter_mut().for_each(Outcome::clear);
+        self.parity.iter_mut().for_each(|rows| rows.fill(TestRow::default()));
+    }
+}

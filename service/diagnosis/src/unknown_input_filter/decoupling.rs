@@ -1,0 +1,184 @@
+//! Separation of a mode's own fault directions from what can be tested (method sheet 3.2, 4.7).
+//!
+//! | symbol | here | meaning |
+//! |---|---|---|
+//! | F̃ | argument `unknown` | directions of unbounded inputs in this step, nx x n |
+//! | C_a | `measured.c` | received rows of C, m x nx |
+//! | F1 | `columns` | the r columns of F̃ that the received outputs see independently |
+//! | R̂11⁻¹Q1' | `inverse` | left inverse of C_a F1, r x m |
+//! | L0 | `gain` | F1 R̂11⁻¹Q1', nx x m |
+//! | Z' | `null_basis` | orthonormal rows with Z' C_a F1 = 0, (m - r) x m |
+//! | W_P | `test_rows` | projector rows (I - CS) P, m x m |
+
+use super::plant::Measured;
+use crate::{
+    factor::PivotedQr,
+    matrix::{Matrix, absolute_dot, combination, dot, multiply},
+};
+
+/// Rows of W_P shorter than this are blind: never tested.
+const BLIND_ROW: f64 = 1e-9;
+
+/// A decoupling of unknown inputs; either a constant of a mode or recomputed for an incomplete packet.
+#[derive(Clone, Debug)]
+pub(crate) struct Decoupling {
+    pub columns: Matrix,
+    pub inverse: Matrix,
+    pub gain: Matrix,
+    pub null_basis: Matrix,
+    pub test_rows: Matrix,
+    /// Whether a test row is blind, length m.
+    pub blind: Vec<bool>,
+    /// C_a F1, m x r.
+    pub seen: Matrix,
+    /// |C_a| |F1|, m x r.
+    pub seen_size: Matrix,
+    /// F̃ column of each row of `inverse`.
+    pub pivot: Vec<usize>,
+    /// Whether every column of F̃ is decoupled.
+    pub complete: bool,
+}
+
+impl Decoupling {
+    /// Room for `ny` outputs and `nx` states.
+    pub fn with_capacity(nx: usize, ny: usize) -> Self {
+        Self {
+            columns: Matrix::zeros(nx, nx.max(ny)),
+            inverse: Matrix::zeros(ny, ny),
+            gain: Matrix::zeros(nx, ny),
+            null_basis: Matrix::zeros(ny, ny),
+            test_rows: Matrix::zeros(ny, ny),
+            blind: Vec::with_capacity(ny),
+            seen: Matrix::zeros(ny, ny),
+            seen_size: Matrix::zeros(ny, ny),
+            pivot: Vec::with_capacity(nx.max(ny)),
+            complete: true,
+        }
+    }
+
+    /// Decouples `unknown` (F̃) from the received outputs; `qr` has factored the product C_a F̃.
+    ///
+    /// Columns of F̃ count as seen when their pivot exceeds the tolerance of the gain; the test rows also stay
+    /// clear of columns whose pivot exceeds only the tolerance of the tests. `shaping` is I - CS.
+    pub fn compute(
+        &mut self,
+        qr: &PivotedQr,
+        unknown: &Matrix,
+        tolerances: Tolerances,
+        shaping: Option<&Matrix>,
+        measured: &Measured,
+    ) {
+        let (m, n) = qr.r.shape();
+        let rank = qr.rank(tolerances.gain);
+        let test_rank = qr.rank(tolerances.test).max(rank);
+        self.complete = rank == n;
+        self.pivot.clear();
+        self.pivot.extend_from_slice(&qr.pivot[..rank]);
+        self.columns.reshape(unknown.rows(), rank);
+        for i in 0..unknown.rows() {
+            for k in 0..rank {
+                self.columns[(i, k)] = unknown[(i, qr.pivot[k])];
+            }
+        }
+        qr.leading_inverse(rank, &mut self.inverse);
+        multiply(&self.columns, &self.inverse, &mut self.gain);
+        self.null_basis.reshape(m - rank, m);
+        for k in rank..m {
+            for j in 0..m {
+                self.null_basis[(k - rank, j)] = qr.q[(j, k)];
+            }
+        }
+        self.seen.reshape(m, rank);
+        self.seen_size.reshape(m, rank);
+        for j in 0..m {
+            combination(self.seen.row_mut(j), measured.c.row(j), &self.columns);
+            for k in 0..rank {
+                let terms = measured.c.row(j).iter().enumerate();
+                self.seen_size[(j, k)] = terms.map(|(i, c)| (c * self.columns[(i, k)]).abs()).sum();
+            }
+        }
+        self.set_test_rows(qr, test_rank, shaping, &measured.received);
+    }
+
+    /// No unknown input at all: L0 = 0, Z = I, W_P = I - CS.
+    pub fn compute_trivial(&mut self, shaping: Option<&Matrix>, measured: &Measured) {
+        let (m, nx) = measured.c.shape();
+        self.complete = true;
+        self.pivot.clear();
+        self.columns.reshape(nx, 0);
+        self.inverse.reshape(0, m);
+        self.seen.reshape(m, 0);
+        self.seen_size.reshape(m, 0);
+        self.gain.reshape(nx, m);
+        self.gain.fill(0.0);
+        self.null_basis.reshape(m, m);
+        self.null_basis.fill(0.0);
+        (0..m).for_each(|j| self.null_basis[(j, j)] = 1.0);
+        self.test_rows.reshape(m, m);
+        for i in 0..m {
+            for j in 0..m {
+                self.test_rows[(i, j)] = shaping_element(shaping, &measured.received, i, j);
+            }
+        }
+        self.mark_blind_rows();
+    }
+
+    fn set_test_rows(
+        &mut self,
+        qr: &PivotedQr,
+        test_rank: usize,
+        shaping: Option<&Matrix>,
+        received: &[usize],
+    ) {
+        let m = qr.q.rows();
+        let projector =
+            |i: usize, j: usize| dot(&qr.q.row(i)[test_rank..m], &qr.q.row(j)[test_rank..m]);
+        self.test_rows.reshape(m, m);
+        for i in 0..m {
+            for j in 0..m {
+                self.test_rows[(i, j)] = match shaping {
+                    None => projector(i, j),
+                    Some(_) => {
+                        (0..m).map(|k| shaping_element(shaping, received, i, k) * projector(k, j)).sum()
+                    }
+                };
+            }
+        }
+        self.mark_blind_rows();
+    }
+
+    fn mark_blind_rows(&mut self) {
+        self.blind.clear();
+        for row in self.test_rows.iter_rows() {
+            self.blind.push(dot(row, row).sqrt() <= BLIND_ROW);
+        }
+    }
+
+    /// Number r of decoupled directions.
+    pub fn rank(&self) -> usize {
+        self.columns.columns()
+    }
+
+    /// f̄: bound of the own faults from the data, with `spread` = |e| + R(Γ) + v (method sheet 4.9).
+    pub fn own_fault_bound(&self, spread: &[f64], out: &mut [f64]) {
+        for (bound, row) in out.iter_mut().zip(self.inverse.iter_rows()) {
+            *bound = absolute_dot(row, spread) * (1.0 + 1e-9);
+        }
+    }
+}
+
+fn shaping_element(shaping: Option<&Matrix>, received: &[usize], i: usize, j: usize) -> f64 {
+    match shaping {
+        Some(matrix) => matrix[(received[i], received[j])],
+        None => f64::from(u8::from(i == j)),
+    }
+}
+
+/// Thresholds below which a pivot of C_a F̃ counts as zero.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Tolerances {
+    /// For the gain.
+    pub gain: f64,
+    /// For the test rows.
+    pub test: f64,
+}

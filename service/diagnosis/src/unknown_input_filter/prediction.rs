@@ -1,0 +1,110 @@
+//! Prediction of the state and of the outputs (method sheet 4.2, steps 1 to 3).
+//!
+//! | symbol | here |
+//! |---|---|
+//! | c = A0p + Bu | `centre` |
+//! | G | `generators` |
+//! | κ | `size` |
+//! | e = y - Cc, Γ = CG | `innovation`, `spread` |
+//! | \|y\| + \|C\|κ + v | `output_size` |
+
+use super::{
+    plant::{Command, Measured, Plant},
+    state::SetState,
+};
+use crate::matrix::{Matrix, absolute_dot, absolute_sum, combination, dot, multiply};
+
+/// Room for one prediction.
+#[derive(Clone, Debug)]
+pub(crate) struct Prediction {
+    pub centre: Vec<f64>,
+    pub generators: Matrix,
+    pub size: Vec<f64>,
+    pub innovation: Vec<f64>,
+    pub spread: Matrix,
+    pub output_size: Vec<f64>,
+    magnitude: Vec<f64>,
+    box_radius: Vec<f64>,
+}
+
+impl Prediction {
+    pub fn new(plant: &Plant, columns: usize) -> Self {
+        let (nx, ny) = (plant.nx(), plant.ny());
+        Self {
+            centre: vec![0.0; nx],
+            generators: Matrix::with_capacity(nx, columns),
+            size: vec![0.0; nx],
+            innovation: vec![0.0; ny],
+            spread: Matrix::with_capacity(ny, columns),
+            output_size: vec![0.0; ny],
+            magnitude: vec![0.0; nx],
+            box_radius: vec![0.0; nx],
+        }
+    }
+
+    /// Predicts c and G; `fault_generators` (F diag(fault bound)) are added while own faults are bounded.
+    pub fn predict(
+        &mut self,
+        plant: &Plant,
+        state: &SetState,
+        command: &Command,
+        fault_generators: Option<&Matrix>,
+    ) {
+        let nx = plant.nx();
+        let enlarge = 1.0 + plant.epsilon;
+        for i in 0..nx {
+            self.magnitude[i] = state.centre[i].abs() + state.radius[i] * enlarge;
+        }
+        for i in 0..nx {
+            let uncertainty = dot(plant.a_plus.row(i), &self.magnitude) * enlarge;
+            self.centre[i] = dot(plant.a0.row(i), &state.centre) + dot(plant.b.row(i), &command.centre);
+            self.size[i] = absolute_dot(plant.a0.row(i), &self.magnitude)
+                + command.influence(plant, i)
+                + uncertainty
+                + plant.disturbance_radius[i]
+                + fault_generators.map_or(0.0, |matrix| absolute_sum(matrix.row(i)));
+            let merged = plant.disturbance_generators.is_none();
+            self.box_radius[i] = uncertainty + if merged { plant.disturbance_radius[i] } else { 0.0 };
+        }
+        let generators = &mut self.generators;
+        multiply(&plant.a0, &state.generators, generators);
+        generators.append_diagonal(&self.box_radius);
+        if let Some(disturbance) = &plant.disturbance_generators {
+            generators.append(disturbance);
+        }
+        if let Some(faults) = fault_generators {
+            generators.append(faults);
+        }
+        if !command.exact {
+            generators.append_scaled(&plant.b, &command.radius);
+        }
+    }
+
+    /// Compares with what was received.
+    pub fn observe(&mut self, measured: &Measured) {
+        for j in 0..measured.count() {
+            let row = measured.c.row(j);
+            self.innovation[j] = measured.y[j] - dot(row, &self.centre);
+            self.output_size[j] = measured.y[j].abs() + absolute_dot(row, &self.size) + measured.noise[j];
+        }
+        multiply(&measured.c, &self.generators, &mut self.spread);
+    }
+
+    /// Writes H = \[G - LΓ, LV\] for the correction with `gain`.
+    pub fn correct(&self, gain: &Matrix, noise: &[f64], scratch: &mut [f64], out: &mut Matrix) {
+        let (m, q) = self.spread.shape();
+        let nx = self.generators.rows();
+        out.reshape(nx, q + m);
+        for i in 0..nx {
+            let correction = &mut scratch[..q];
+            combination(correction, gain.row(i), &self.spread);
+            let (left, right) = out.row_mut(i).split_at_mut(q);
+            for ((target, value), part) in left.iter_mut().zip(self.generators.row(i)).zip(correction) {
+                *target = value - *part;
+            }
+            for (target, (weight, bound)) in right.iter_mut().zip(gain.row(i).iter().zip(noise)) {
+                *target = weight * bound;
+            }
+        }
+    }
+}

@@ -1,0 +1,114 @@
+//! Zonotopes p + H z, |z| <= 1, and the reduction of their order (method sheet 4.3, Theorem 3 of the paper).
+
+use serde::{Deserialize, Serialize};
+
+use crate::matrix::{Matrix, row_sums};
+
+/// How the columns of a generator matrix are scored when some must be boxed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reduction {
+    /// Rows divided by the radius, then 1-norm minus maximum norm: free of units; axis-aligned columns are
+    /// boxed without loss.
+    #[default]
+    GirardScaled,
+    /// Euclidean norm, as in the paper.
+    Euclidean,
+}
+
+/// Room for reducing generator matrices.
+#[derive(Clone, Debug)]
+pub struct Reducer {
+    reduction: Reduction,
+    scores: Vec<f64>,
+    largest: Vec<f64>,
+    order: Vec<u32>,
+    kept: Vec<bool>,
+    radius: Vec<f64>,
+}
+
+impl Reducer {
+    /// Room for generator matrices of `rows` rows and up to `columns` columns.
+    pub fn new(reduction: Reduction, rows: usize, columns: usize) -> Self {
+        Self {
+            reduction,
+            scores: vec![0.0; columns],
+            largest: vec![0.0; columns],
+            order: Vec::with_capacity(columns),
+            kept: vec![false; columns],
+            radius: vec![0.0; rows],
+        }
+    }
+
+    /// Encloses the zonotope with generators `matrix` by one of at most `order` columns.
+    ///
+    /// The `order` - n columns of largest score stay in their order (ties: the lower index), the others become
+    /// a box in the last n columns. The radius (the interval hull) does not change. Returns whether anything
+    /// was boxed. `order` must exceed the number of rows n.
+    pub fn reduce(&mut self, matrix: &mut Matrix, order: usize) -> bool {
+        let (rows, columns) = matrix.shape();
+        if columns <= order {
+            return false;
+        }
+        self.score(matrix);
+        let kept_count = order - rows;
+        self.order.clear();
+        self.order.extend(0..columns as u32);
+        let scores = &self.scores;
+        self.order.select_nth_unstable_by(kept_count, |&left, &right| {
+            scores[right as usize].total_cmp(&scores[left as usize]).then(left.cmp(&right))
+        });
+        self.kept[..columns].fill(false);
+        for &column in &self.order[..kept_count] {
+            self.kept[column as usize] = true;
+        }
+        for i in 0..rows {
+            let row = matrix.row_mut(i);
+            let (mut target, mut boxed) = (0, 0.0);
+            for column in 0..columns {
+                if self.kept[column] {
+                    row[target] = row[column];
+                    target += 1;
+                } else {
+                    boxed += row[column].abs();
+                }
+            }
+            row[kept_count..order].fill(0.0);
+            row[kept_count + i] = boxed;
+        }
+        matrix.reshape(rows, order);
+        true
+    }
+
+    fn score(&mut self, matrix: &Matrix) {
+        let (rows, columns) = matrix.shape();
+        let (scores, largest) = (&mut self.scores[..columns], &mut self.largest[..columns]);
+        scores.fill(0.0);
+        match self.reduction {
+            Reduction::Euclidean => {
+                for row in matrix.iter_rows() {
+                    for (score, value) in scores.iter_mut().zip(row) {
+                        *score += value * value;
+                    }
+                }
+            }
+            Reduction::GirardScaled => {
+                largest.fill(0.0);
+                row_sums(matrix, &mut self.radius);
+                for i in 0..rows {
+                    let scale = if self.radius[i] > 0.0 { 1.0 / self.radius[i] } else { 0.0 };
+                    for ((score, most), value) in
+                        scores.iter_mut().zip(largest.iter_mut()).zip(matrix.row(i))
+                    {
+                        let size = value.abs() * scale;
+                        *score += size;
+                        *most = if size > *most { size } else { *most };
+                    }
+                }
+                for (score, most) in scores.iter_mut().zip(largest) {
+                    *score -= *most;
+                }
+            }
+        }
+    }
+}
