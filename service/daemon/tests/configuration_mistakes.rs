@@ -28,15 +28,32 @@ macro_rules! cases {
 }
 
 fn check(cases: &[Case]) {
-    for Case { name, edit: (good, bad), below, message, help } in cases {
+    for Case {
+        name,
+        edit: (good, bad),
+        below,
+        message,
+        help,
+    } in cases
+    {
         let text = vtol_with(good, bad);
         let mistakes = mistakes_of(&text);
-        let shown: Vec<_> = mistakes.iter().map(|m| (m.line, m.column, &m.message, &m.help)).collect();
+        let shown: Vec<_> = mistakes
+            .iter()
+            .map(|m| (m.line, m.column, &m.message, &m.help))
+            .collect();
         assert_eq!(mistakes.len(), 1, "{name}: {shown:?}");
-        assert_eq!(mistakes[0].line, line_of(VTOL, good).saturating_add_signed(*below), "{name}: {shown:?}");
+        assert_eq!(
+            mistakes[0].line,
+            line_of(VTOL, good).saturating_add_signed(*below),
+            "{name}: {shown:?}"
+        );
         assert!(mistakes[0].column >= 1);
         for words in *message {
-            assert!(mistakes[0].message.contains(words), "{name}: no `{words}` in {shown:?}");
+            assert!(
+                mistakes[0].message.contains(words),
+                "{name}: no `{words}` in {shown:?}"
+            );
         }
         for words in *help {
             let help = mistakes[0].help.as_deref().unwrap_or("");
@@ -98,18 +115,47 @@ fn numbers_that_are_not_finite_are_refused_where_they_stand() {
 fn what_is_missing_is_named_at_its_section() {
     let cases = [
         ("instance = \"vtol\"", "", "[daemon]", "missing key `instance`"),
-        ("name = \"aircraft_sensors\"", "", "[[input]]", "missing key `name`"),
-        ("sample_time_s = 0.01", "", "[[diagnoser]]", "missing key `sample_time_s`"),
-        ("method = \"unknown_input_filter\"", "", "[[diagnoser]]", "missing key `method`"),
-        ("measurement_noise_bound = ", "# ", "[diagnoser.model]", "missing key `measurement_noise_bound`"),
+        (
+            "name = \"aircraft_sensors\"",
+            "",
+            "[[input]]",
+            "missing key `name`",
+        ),
+        (
+            "sample_time_s = 0.01",
+            "",
+            "[[diagnoser]]",
+            "missing key `sample_time_s`",
+        ),
+        (
+            "method = \"unknown_input_filter\"",
+            "",
+            "[[diagnoser]]",
+            "missing key `method`",
+        ),
+        (
+            "measurement_noise_bound = ",
+            "# ",
+            "[diagnoser.model]",
+            "missing key `measurement_noise_bound`",
+        ),
         ("time_column = \"t\"", "", "[replay]", "missing key `time_column`"),
-        ("fault_bound = [3.0, 3.0]", "", "[diagnoser.missing]", "`missing.fault_bound` is missing"),
+        (
+            "fault_bound = [3.0, 3.0]",
+            "",
+            "[diagnoser.missing]",
+            "`missing.fault_bound` is missing",
+        ),
     ];
     for (good, bad, section, message) in cases {
         let text = vtol_with(good, bad);
         let mistakes = mistakes_of(&text);
         assert_eq!(mistakes.len(), 1, "{good}: {mistakes:?}");
-        assert_eq!(mistakes[0].line, line_of(&text, &format!("\n{section}")) + 1, "{good}: {mistakes:?}");
+        assert_eq!(
+            mistakes[0].line,
+            line_of(&text, &format!("\n{section}")) + 1,
+            "{good}: {mistakes:?}"
+        );
         assert!(mistakes[0].message.contains(message), "{}", mistakes[0].message);
         assert!(mistakes[0].help.is_some(), "{good}");
     }
@@ -118,11 +164,18 @@ fn what_is_missing_is_named_at_its_section() {
 #[test]
 fn a_configuration_without_inputs_or_diagnosers_is_refused() {
     let text = "[daemon]\ninstance = \"a\"\n";
-    let messages: Vec<_> = mistakes_of(text).into_iter().map(|mistake| mistake.message).collect();
+    let messages: Vec<_> = mistakes_of(text)
+        .into_iter()
+        .map(|mistake| mistake.message)
+        .collect();
     assert_eq!(messages, ["no [[input]]", "no [[diagnoser]]"]);
     let mistakes = mistakes_of("[realtime]\n[input]\nname = \"a\"\n[[diagnoser]]\nname = \"a\"\n");
     assert!(mistakes.iter().any(|m| m.message.contains("[daemon]")));
-    assert!(mistakes.iter().any(|m| m.line == 2 && m.help.as_deref().unwrap_or("").contains("[[input]]")));
+    assert!(
+        mistakes
+            .iter()
+            .any(|m| m.line == 2 && m.help.as_deref().unwrap_or("").contains("[[input]]"))
+    );
 }
 
 #[test]
@@ -157,17 +210,37 @@ fn inputs_that_cannot_work_are_refused() {
         "no publisher": "max_publishers = 2" => "max_publishers = 0", 0, ["0 is no possible"], ["1 to 64"];
         "past only": "max_ahead_s = 1.0" => "max_ahead_s = -1.0", 0, ["-1 s"], ["0 to 86400"];
     ]);
-    let repeated = vtol_with("\"pitch_rate\", \"attitude_mix\"]", "\"pitch_rate\", \"pitch_rate\"]");
+    let repeated = vtol_with(
+        "\"pitch_rate\", \"attitude_mix\"]",
+        "\"pitch_rate\", \"pitch_rate\"]",
+    );
     let mistakes = mistakes_of(&repeated);
-    assert!(mistakes.iter().any(|m| m.message.contains("`pitch_rate` appears twice")));
+    assert!(
+        mistakes
+            .iter()
+            .any(|m| m.message.contains("`pitch_rate` appears twice"))
+    );
     let line = line_of(VTOL, "signals = [");
-    assert!(mistakes.iter().any(|m| m.help.as_deref().unwrap_or("").contains(&format!("line {line}"))));
+    assert!(
+        mistakes
+            .iter()
+            .any(|m| m.help.as_deref().unwrap_or("").contains(&format!("line {line}")))
+    );
     let twins = vtol_with("name = \"aircraft_commands\"", "name = \"aircraft_sensors\"");
     let mistakes = mistakes_of(&twins);
-    assert!(mistakes[0].message.contains("the input `aircraft_sensors` appears twice"), "{mistakes:?}");
+    assert!(
+        mistakes[0]
+            .message
+            .contains("the input `aircraft_sensors` appears twice"),
+        "{mistakes:?}"
+    );
     for bad in ["", "a b", "a.b", &"x".repeat(49)] {
         let text = VTOL.replace("aircraft_commands", bad);
-        assert_eq!(mistakes_of(&text)[0].line, line_of(VTOL, "name = \"aircraft_commands\""), "{bad}");
+        assert_eq!(
+            mistakes_of(&text)[0].line,
+            line_of(VTOL, "name = \"aircraft_commands\""),
+            "{bad}"
+        );
     }
 }
 
@@ -204,12 +277,29 @@ fn signals_that_are_not_there_are_refused_with_the_known_ones() {
     let text = vtol_with("    \"aircraft_sensors.attitude_mix\",\n", "");
     let mistakes = mistakes_of(&text);
     assert_eq!(mistakes[0].line, line_of(VTOL, "measurements = ["));
-    assert!(mistakes[0].message.contains("3 measurements, but 4 rows of model.C"), "{mistakes:?}");
-    assert!(mistakes[0].help.as_deref().unwrap().contains("one signal per row of model.C"), "{mistakes:?}");
+    assert!(
+        mistakes[0]
+            .message
+            .contains("3 measurements, but 4 rows of model.C"),
+        "{mistakes:?}"
+    );
+    assert!(
+        mistakes[0]
+            .help
+            .as_deref()
+            .unwrap()
+            .contains("one signal per row of model.C"),
+        "{mistakes:?}"
+    );
     let text = vtol_with("    \"aircraft_commands.longitudinal_cyclic_pitch\",\n", "");
     let mistakes = mistakes_of(&text);
     assert_eq!(mistakes[0].line, line_of(VTOL, "commands = ["));
-    assert!(mistakes[0].message.contains("1 commands, but 2 columns of model.B"), "{mistakes:?}");
+    assert!(
+        mistakes[0]
+            .message
+            .contains("1 commands, but 2 columns of model.B"),
+        "{mistakes:?}"
+    );
 }
 
 #[test]
@@ -219,7 +309,11 @@ fn two_diagnosers_of_the_same_name_are_refused() {
     let text = format!("{}{}{}", &VTOL[..end], &VTOL[start..end], &VTOL[end..]);
     let mistakes = mistakes_of(&text);
     assert_eq!(mistakes.len(), 1);
-    assert!(mistakes[0].message.contains("the diagnoser `aircraft_actuators` appears twice"));
+    assert!(
+        mistakes[0]
+            .message
+            .contains("the diagnoser `aircraft_actuators` appears twice")
+    );
     assert!(mistakes[0].line > line_of(VTOL, "[replay]"));
 }
 

@@ -1,8 +1,8 @@
 //! `residuald check`: what a configuration means, or what is wrong with it.
 
 use crate::configuration::{
-    BuiltDiagnoser, Configuration, DaemonSection, DiagnoserConfiguration, InputConfiguration, RealtimeSection,
-    SignalReference,
+    BuiltDiagnoser, Configuration, DaemonSection, DiagnoserConfiguration, InputConfiguration,
+    RealtimeSection, SignalReference,
 };
 use miette::IntoDiagnostic;
 use nix::sys::statfs::{TMPFS_MAGIC, statfs};
@@ -38,7 +38,10 @@ fn report(configuration: &Configuration, diagnosers: &[BuiltDiagnoser]) -> Strin
             lines.entry(&configuration.inputs[feed.input].name, feed.values.join(", "));
         }
     }
-    let warnings = configuration.warnings().into_iter().chain(system_warnings(configuration));
+    let warnings = configuration
+        .warnings()
+        .into_iter()
+        .chain(system_warnings(configuration));
     for warning in warnings {
         lines.warning(&warning);
     }
@@ -54,8 +57,14 @@ fn report(configuration: &Configuration, diagnosers: &[BuiltDiagnoser]) -> Strin
 fn daemon(lines: &mut Lines, daemon: &DaemonSection) {
     let instance = daemon.instance();
     lines.heading(format!("instance {}", daemon.instance));
-    let group = daemon.group.map_or("the daemon's group".to_owned(), |group| format!("group {group}"));
-    let table = format!("{}, mode {:04o}, {group}", instance.bounds_path().display(), daemon.mode);
+    let group = daemon
+        .group
+        .map_or("the daemon's group".to_owned(), |group| format!("group {group}"));
+    let table = format!(
+        "{}, mode {:04o}, {group}",
+        instance.bounds_path().display(),
+        daemon.mode
+    );
     lines.entry("bounds table", table);
     lines.entry("stale after", format!("{} periods", daemon.stale_after_periods));
     lines.entry("catch-up limit", format!("{} steps", daemon.catch_up_limit));
@@ -66,21 +75,36 @@ fn daemon(lines: &mut Lines, daemon: &DaemonSection) {
 fn realtime(lines: &mut Lines, realtime: RealtimeSection) {
     let scheduling = realtime
         .fifo_priority
-        .map_or("usual scheduling".to_owned(), |priority| format!("SCHED_FIFO {priority}"));
-    let cpu = realtime.cpu.map_or("any processor".to_owned(), |cpu| format!("processor {cpu}"));
-    let memory = if realtime.lock_memory { "memory locked" } else { "memory not locked" };
+        .map_or("usual scheduling".to_owned(), |priority| {
+            format!("SCHED_FIFO {priority}")
+        });
+    let cpu = realtime
+        .cpu
+        .map_or("any processor".to_owned(), |cpu| format!("processor {cpu}"));
+    let memory = if realtime.lock_memory {
+        "memory locked"
+    } else {
+        "memory not locked"
+    };
     lines.entry("step thread", format!("{scheduling}, {cpu}, {memory}"));
 }
 
 fn input(lines: &mut Lines, input: &InputConfiguration) {
     lines.heading(format!("input {}", input.name));
     let signal = |(name, unit): (&String, &String)| {
-        if unit.is_empty() { name.clone() } else { format!("{name} [{unit}]") }
+        if unit.is_empty() {
+            name.clone()
+        } else {
+            format!("{name} [{unit}]")
+        }
     };
     let signals: Vec<_> = input.signals.iter().zip(&input.units).map(signal).collect();
     lines.entry("signals", signals.join(", "));
     lines.entry("buffer", format!("{} samples", input.buffer_samples));
-    lines.entry("accepted", format!("up to {} ahead", duration(input.max_ahead_ns)));
+    lines.entry(
+        "accepted",
+        format!("up to {} ahead", duration(input.max_ahead_ns)),
+    );
     lines.entry("publishers", format!("up to {}", input.max_publishers));
 }
 
@@ -113,7 +137,11 @@ fn diagnoser(
     for (name, value) in &built.notes {
         lines.entry(name, value);
     }
-    let channels: Vec<_> = description.channels.iter().map(|channel| channel.name.as_str()).collect();
+    let channels: Vec<_> = description
+        .channels
+        .iter()
+        .map(|channel| channel.name.as_str())
+        .collect();
     lines.entry(&format!("{} channels", channels.len()), channels.join(", "));
     for warning in &built.warnings {
         lines.warning(warning);
@@ -139,12 +167,18 @@ fn system_warnings(configuration: &Configuration) -> Vec<String> {
             directory.display()
         )),
         Err(error) => {
-            warnings.push(format!("{} cannot be used on this machine: {}", directory.display(), error.desc()));
+            warnings.push(format!(
+                "{} cannot be used on this machine: {}",
+                directory.display(),
+                error.desc()
+            ));
         }
     }
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
     if let Some(cpu) = configuration.realtime.cpu.filter(|&cpu| cpu >= processors) {
-        warnings.push(format!("this machine has {processors} processors, counted from 0, but not number {cpu}"));
+        warnings.push(format!(
+            "this machine has {processors} processors, counted from 0, but not number {cpu}"
+        ));
     }
     warnings
 }
@@ -220,6 +254,12 @@ mod tests {
         lines.entry("channels", "a_rather_long_channel_name, ".repeat(8).trim_end());
         assert!(lines.text.lines().count() > 2);
         assert!(lines.text.lines().all(|line| line.chars().count() <= LINE_WIDTH));
-        assert!(lines.text.lines().skip(1).all(|line| line.starts_with(&" ".repeat(NAME_WIDTH + 3))));
+        assert!(
+            lines
+                .text
+                .lines()
+                .skip(1)
+                .all(|line| line.starts_with(&" ".repeat(NAME_WIDTH + 3)))
+        );
     }
 }

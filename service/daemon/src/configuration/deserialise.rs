@@ -25,7 +25,11 @@ pub(super) fn read<T: DeserializeOwned>(
 ) -> Option<T> {
     let mut skipped: Vec<String> = skip.iter().map(|key| format!("{path}.{key}")).collect();
     loop {
-        let reader = TableReader { table, path, skipped: &skipped };
+        let reader = TableReader {
+            table,
+            path,
+            skipped: &skipped,
+        };
         let refusal = match T::deserialize(reader) {
             Ok(section) => return Some(section),
             Err(refusal) => refusal.at(Some(path), span.clone()),
@@ -89,7 +93,11 @@ impl<'de> Deserializer<'de> for TableReader<'_, '_> {
     type Error = Refusal;
 
     fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Refusal> {
-        visitor.visit_map(TableEntries { reader: self, entries: self.table.iter(), value: None })
+        visitor.visit_map(TableEntries {
+            reader: self,
+            entries: self.table.iter(),
+            value: None,
+        })
     }
 
     forward_to_deserialize_any! {
@@ -117,7 +125,9 @@ impl<'de, 'a, 't: 'a, I: Iterator<Item = Entry<'a, 't>>> MapAccess<'de> for Tabl
                 continue;
             }
             let name: StrDeserializer<'_, Refusal> = key.get_ref().as_ref().into_deserializer();
-            let name = seed.deserialize(name).map_err(|refusal| refusal.at(Some(&path), key.span()))?;
+            let name = seed
+                .deserialize(name)
+                .map_err(|refusal| refusal.at(Some(&path), key.span()))?;
             self.value = Some((path, value));
             return Ok(Some(name));
         }
@@ -125,9 +135,17 @@ impl<'de, 'a, 't: 'a, I: Iterator<Item = Entry<'a, 't>>> MapAccess<'de> for Tabl
     }
 
     fn next_value_seed<V: DeserializeSeed<'de>>(&mut self, seed: V) -> Result<V::Value, Refusal> {
-        let (path, value) = self.value.take().ok_or_else(|| Refusal::custom("a value without its key"))?;
-        let reader = ValueReader { value, path: &path, skipped: self.reader.skipped };
-        seed.deserialize(reader).map_err(|refusal| refusal.at(Some(&path), value.span()))
+        let (path, value) = self
+            .value
+            .take()
+            .ok_or_else(|| Refusal::custom("a value without its key"))?;
+        let reader = ValueReader {
+            value,
+            path: &path,
+            skipped: self.reader.skipped,
+        };
+        seed.deserialize(reader)
+            .map_err(|refusal| refusal.at(Some(&path), value.span()))
     }
 }
 
@@ -154,12 +172,17 @@ impl<'de> Deserializer<'de> for ValueReader<'_, '_> {
                 Ok(number) if number.is_finite() => visitor.visit_f64(number),
                 _ => Err(Refusal::custom(format!("{number} is not a finite number"))),
             },
-            DeValue::Table(table) => {
-                TableReader { table, path: self.path, skipped: self.skipped }.deserialize_any(visitor)
+            DeValue::Table(table) => TableReader {
+                table,
+                path: self.path,
+                skipped: self.skipped,
             }
-            DeValue::Array(array) => {
-                visitor.visit_seq(Elements { array: array.iter(), path: self.path, skipped: self.skipped })
-            }
+            .deserialize_any(visitor),
+            DeValue::Array(array) => visitor.visit_seq(Elements {
+                array: array.iter(),
+                path: self.path,
+                skipped: self.skipped,
+            }),
         };
         result.map_err(|refusal| refusal.at(None, self.value.span()))
     }
@@ -184,7 +207,10 @@ impl<'de> Deserializer<'de> for ValueReader<'_, '_> {
     ) -> Result<V::Value, Refusal> {
         match self.value.get_ref() {
             DeValue::String(word) => visitor.visit_enum(word.as_ref().into_deserializer()),
-            other => Err(Refusal::custom(format!("expected a string, found {}", other.type_str()))),
+            other => Err(Refusal::custom(format!(
+                "expected a string, found {}",
+                other.type_str()
+            ))),
         }
     }
 
@@ -207,7 +233,13 @@ impl<'de, 'a, 't: 'a, I: Iterator<Item = &'a Spanned<DeValue<'t>>>> SeqAccess<'d
         let Some(value) = self.array.next() else {
             return Ok(None);
         };
-        let reader = ValueReader { value, path: self.path, skipped: self.skipped };
-        seed.deserialize(reader).map(Some).map_err(|refusal| refusal.at(None, value.span()))
+        let reader = ValueReader {
+            value,
+            path: self.path,
+            skipped: self.skipped,
+        };
+        seed.deserialize(reader)
+            .map(Some)
+            .map_err(|refusal| refusal.at(None, value.span()))
     }
 }

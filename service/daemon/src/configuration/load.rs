@@ -25,12 +25,22 @@ impl Configuration {
     /// # Errors
     /// [`ConfigurationError`]: the file cannot be read, or everything that is wrong in it.
     pub fn from_file(path: &Path) -> Result<Loaded, ConfigurationError> {
-        let bytes = std::fs::read(path)
-            .map_err(|reason| ConfigurationError::Unreadable { path: path.to_owned(), reason })?;
+        let bytes = std::fs::read(path).map_err(|reason| ConfigurationError::Unreadable {
+            path: path.to_owned(),
+            reason,
+        })?;
         let text = String::from_utf8(bytes).map_err(|error| {
             let offset = error.utf8_error().valid_up_to();
-            let line = error.as_bytes()[..offset].iter().filter(|&&byte| byte == b'\n').count() + 1;
-            ConfigurationError::NotUtf8 { path: path.to_owned(), line, offset }
+            let line = error.as_bytes()[..offset]
+                .iter()
+                .filter(|&&byte| byte == b'\n')
+                .count()
+                + 1;
+            ConfigurationError::NotUtf8 {
+                path: path.to_owned(),
+                line,
+                offset,
+            }
         })?;
         Self::from_text(&path.display().to_string(), &text)
     }
@@ -40,9 +50,15 @@ impl Configuration {
     /// # Errors
     /// [`ConfigurationError::Mistakes`] with as many mistakes as can be seen at once.
     pub fn from_text(name: &str, text: &str) -> Result<Loaded, ConfigurationError> {
-        let source = Source { name: name.to_owned(), text: text.into() };
+        let source = Source {
+            name: name.to_owned(),
+            text: text.into(),
+        };
         let configuration = load(&source)?;
-        Ok(Loaded { configuration, source })
+        Ok(Loaded {
+            configuration,
+            source,
+        })
     }
 }
 
@@ -51,10 +67,17 @@ fn load(source: &Source) -> Result<Configuration, ConfigurationError> {
     let mut mistakes = Mistakes::new(&document);
     let root = document.root.get_ref();
     if root.is_empty() {
-        mistakes.at_span(0..0, "the configuration is empty", "start from the example deploy/config/vtol.toml");
+        mistakes.at_span(
+            0..0,
+            "the configuration is empty",
+            "start from the example deploy/config/vtol.toml",
+        );
         return Err(mistakes.into_error());
     }
-    for key in root.keys().filter(|key| !schema::TOP_LEVEL.contains(&key.get_ref().as_ref())) {
+    for key in root
+        .keys()
+        .filter(|key| !schema::TOP_LEVEL.contains(&key.get_ref().as_ref()))
+    {
         mistakes.unknown_key(key.span(), key.get_ref(), &schema::TOP_LEVEL);
     }
     let daemon = match table(root, "daemon", &mut mistakes) {
@@ -62,7 +85,11 @@ fn load(source: &Source) -> Result<Configuration, ConfigurationError> {
             .and_then(|section| validate::daemon(section, &mut mistakes)),
         None => {
             if !root.contains_key("daemon") {
-                mistakes.at_span(0..0, "missing section [daemon]", "add [daemon] with instance = \"...\"");
+                mistakes.at_span(
+                    0..0,
+                    "missing section [daemon]",
+                    "add [daemon] with instance = \"...\"",
+                );
             }
             None
         }
@@ -80,7 +107,13 @@ fn load(source: &Source) -> Result<Configuration, ConfigurationError> {
         .map(|(section, inputs)| validate::replay(section, inputs, &mut mistakes));
     match (daemon, realtime, inputs, diagnosers) {
         (Some(daemon), Some(realtime), Some(inputs), Some(diagnosers)) if mistakes.len() == 0 => {
-            Ok(Configuration { daemon, realtime, inputs, diagnosers, replay })
+            Ok(Configuration {
+                daemon,
+                realtime,
+                inputs,
+                diagnosers,
+                replay,
+            })
         }
         _ => Err(mistakes.into_error()),
     }
@@ -117,7 +150,12 @@ fn diagnosers(
     let diagnosers: Vec<_> = tables.into_iter().enumerate().map(read_one).collect();
     let diagnosers = diagnosers.into_iter().collect::<Option<Vec<_>>>()?;
     let names = diagnosers.iter().map(|diagnoser| diagnoser.name.as_str());
-    refuse_duplicates(names, |index| format!("diagnoser.{index}.name"), "diagnoser", mistakes);
+    refuse_duplicates(
+        names,
+        |index| format!("diagnoser.{index}.name"),
+        "diagnoser",
+        mistakes,
+    );
     Some(diagnosers)
 }
 
@@ -130,9 +168,15 @@ fn diagnoser_section(
 ) -> (Option<schema::Diagnoser>, Option<MethodConfiguration>) {
     let all_but = |keys: &[&str]| -> Vec<String> {
         let names = entries.keys().map(|key| key.get_ref().as_ref());
-        names.filter(|name| !keys.contains(name)).map(str::to_owned).collect()
+        names
+            .filter(|name| !keys.contains(name))
+            .map(str::to_owned)
+            .collect()
     };
-    let (choice, shared) = (keys_of::<schema::DiagnoserMethod>(), keys_of::<schema::Diagnoser>());
+    let (choice, shared) = (
+        keys_of::<schema::DiagnoserMethod>(),
+        keys_of::<schema::Diagnoser>(),
+    );
     let method: Option<schema::DiagnoserMethod> =
         read(entries, span.clone(), path, &all_but(choice), mistakes);
     let section = read(entries, span.clone(), path, &all_but(shared), mistakes);
@@ -142,7 +186,10 @@ fn diagnoser_section(
     };
     let before = mistakes.len();
     let known = [choice, shared, method.keys().as_slice()].concat();
-    for key in entries.keys().filter(|key| !known.contains(&key.get_ref().as_ref())) {
+    for key in entries
+        .keys()
+        .filter(|key| !known.contains(&key.get_ref().as_ref()))
+    {
         mistakes.unknown_key(key.span(), key.get_ref(), &known);
     }
     let method = method.read(entries, span, path, &all_but(&method.keys()), mistakes);
@@ -173,11 +220,18 @@ fn tables<'a, 't>(
     mistakes: &mut Mistakes<'_>,
 ) -> Option<Vec<Section<'a, 't>>> {
     let Some(value) = root.get(name) else {
-        mistakes.at_span(0..0, format!("no [[{name}]]"), format!("add at least one section [[{name}]]"));
+        mistakes.at_span(
+            0..0,
+            format!("no [[{name}]]"),
+            format!("add at least one section [[{name}]]"),
+        );
         return None;
     };
     let section = |value: &'a Spanned<DeValue<'t>>| Some((value.get_ref().as_table()?, value.span()));
-    let sections = value.get_ref().as_array().and_then(|array| array.iter().map(section).collect());
+    let sections = value
+        .get_ref()
+        .as_array()
+        .and_then(|array| array.iter().map(section).collect());
     if sections.is_none() {
         mistakes.at_span(
             value.span(),

@@ -27,7 +27,10 @@ impl<'t> Document<'t> {
             Mistake::new(source, error.span().unwrap_or(0..0), message, None)
         };
         let mistakes = errors.iter().map(mistake).collect();
-        Err(ConfigurationError::Mistakes { name: source.name.clone(), mistakes })
+        Err(ConfigurationError::Mistakes {
+            name: source.name.clone(),
+            mistakes,
+        })
     }
 
     /// The bytes of the value at a dotted path such as `diagnoser.0.model.B` (`diagnoser[0].model.B` is the same);
@@ -60,7 +63,10 @@ pub(super) struct Mistakes<'d> {
 
 impl<'d> Mistakes<'d> {
     pub fn new(document: &'d Document<'d>) -> Self {
-        Self { document, list: Vec::new() }
+        Self {
+            document,
+            list: Vec::new(),
+        }
     }
 
     /// Adds a mistake at a dotted path.
@@ -76,12 +82,17 @@ impl<'d> Mistakes<'d> {
     /// Adds a mistake at bytes of the text.
     pub fn at_span(&mut self, span: Range<usize>, message: impl Into<String>, help: impl Into<String>) {
         let help = Some(help.into()).filter(|help| !help.is_empty());
-        self.list.push(Mistake::new(self.document.source, span, message.into(), help));
+        self.list
+            .push(Mistake::new(self.document.source, span, message.into(), help));
     }
 
     /// Adds an unknown key, with the known ones as help.
     pub fn unknown_key(&mut self, span: Range<usize>, key: &str, known: &[&str]) {
-        self.at_span(span, format!("unknown key `{key}`"), did_you_mean(key, known, "known keys"));
+        self.at_span(
+            span,
+            format!("unknown key `{key}`"),
+            did_you_mean(key, known, "known keys"),
+        );
     }
 
     /// How many were found so far.
@@ -92,6 +103,9 @@ impl<'d> Mistakes<'d> {
     /// The error with all mistakes, in the order of their places.
     pub fn into_error(mut self) -> ConfigurationError {
         self.list.sort_by_key(|mistake| (mistake.line, mistake.column));
-        ConfigurationError::Mistakes { name: self.document.source.name.clone(), mistakes: self.list }
+        ConfigurationError::Mistakes {
+            name: self.document.source.name.clone(),
+            mistakes: self.list,
+        }
     }
 }

@@ -6,7 +6,9 @@ use super::locate::Mistakes;
 use super::schema::Method;
 use residual_diagnosis::model::{LinearModel, ModelError, ModelOptions};
 use residual_diagnosis::unknown_input_filter::UnknownInputFilterBank;
+use residual_diagnosis::unknown_input_filter::checks::{CheckError, check_modes};
 use residual_diagnosis::unknown_input_filter::error::ConstructionError;
+use residual_diagnosis::unknown_input_filter::modes::enumerate_modes;
 use residual_diagnosis::unknown_input_filter::options::UnknownInputFilterOptions;
 use residual_diagnosis::unknown_input_filter::options_error::OptionsError;
 use std::collections::HashSet;
@@ -41,7 +43,11 @@ impl MethodError {
     /// Messages of the methods read "what is wrong; what to do".
     fn new(key: String, message: &str) -> Self {
         let (message, help) = message.split_once("; ").unwrap_or((message, ""));
-        Self { key, message: message.to_owned(), help: help.to_owned() }
+        Self {
+            key,
+            message: message.to_owned(),
+            help: help.to_owned(),
+        }
     }
 }
 
@@ -67,6 +73,12 @@ impl From<OptionsError> for MethodError {
             other => other.key(),
         };
         Self::new(key, &error.to_string())
+    }
+}
+
+impl From<CheckError> for MethodError {
+    fn from(error: CheckError) -> Self {
+        Self::new(error.key(), &error.to_string())
     }
 }
 
@@ -121,14 +133,23 @@ impl MethodConfiguration {
         match self {
             Self::UnknownInputFilter { model, options } => {
                 let model = LinearModel::new(model, sample_time_s)?;
-                let names: Vec<_> = model.actuators().iter().map(|actuator| actuator.name.clone()).collect();
-                let names: Vec<_> = names.iter().map(String::as_str).collect();
-                let bank = UnknownInputFilterBank::new(model, options)?;
-                let modes: Vec<_> = bank.modes().iter().map(|mode| mode.describe(&names)).collect();
+                let names: Vec<_> = model
+                    .actuators()
+                    .iter()
+                    .map(|actuator| actuator.name.as_str())
+                    .collect();
+                let pairs = options.bank.simultaneous_faults.contains(&2);
+                let modes = enumerate_modes(model.actuator_count(), options.bank.fault_free_mode, pairs);
+                let report = check_modes(&model, options, &modes)?;
+                let mut warnings: Vec<_> = report.warnings.iter().map(ToString::to_string).collect();
+                warnings.extend(unknown_input_filter_warnings(options));
+                let modes: Vec<_> = modes.iter().map(|mode| mode.describe(&names)).collect();
+                let notes = vec![("fault modes", modes.join(", "))];
+                let diagnoser = Box::new(UnknownInputFilterBank::new(model, options)?);
                 Ok(BuiltDiagnoser {
-                    diagnoser: Box::new(bank),
-                    notes: vec![("fault modes", modes.join(", "))],
-                    warnings: unknown_input_filter_warnings(options),
+                    diagnoser,
+                    notes,
+                    warnings,
                 })
             }
         }
@@ -192,7 +213,11 @@ impl Method {
         mistakes: &mut Mistakes<'_>,
     ) -> Option<MethodConfiguration> {
         let Some(model) = table.get("model") else {
-            mistakes.at_span(span, "missing table `[diagnoser.model]`", "add the model of the plant");
+            mistakes.at_span(
+                span,
+                "missing table `[diagnoser.model]`",
+                "add the model of the plant",
+            );
             return None;
         };
         let DeValue::Table(entries) = model.get_ref() else {
@@ -209,7 +234,10 @@ impl Method {
                 let model = read(entries, model.span(), &model_path, &[], mistakes);
                 let skip = [others, &["model".to_owned()]].concat();
                 let options = read(table, span, path, &skip, mistakes);
-                Some(MethodConfiguration::UnknownInputFilter { model: model?, options: options? })
+                Some(MethodConfiguration::UnknownInputFilter {
+                    model: model?,
+                    options: options?,
+                })
             }
         }
     }

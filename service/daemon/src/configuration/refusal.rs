@@ -16,8 +16,14 @@ pub(super) struct Refusal {
 /// What was wrong.
 #[derive(Debug)]
 pub(super) enum What {
-    UnknownKey { key: String, known: &'static [&'static str] },
-    UnknownWord { word: String, known: &'static [&'static str] },
+    UnknownKey {
+        key: String,
+        known: &'static [&'static str],
+    },
+    UnknownWord {
+        word: String,
+        known: &'static [&'static str],
+    },
     MissingKey(&'static str),
     Value(String),
 }
@@ -33,12 +39,14 @@ impl Refusal {
     /// What is wrong and what to do.
     pub fn explain(&self) -> (String, String) {
         match &self.what {
-            What::UnknownKey { key, known } => {
-                (format!("unknown key `{key}`"), did_you_mean(key, known, "known keys"))
-            }
-            What::UnknownWord { word, known } => {
-                (format!("unknown value \"{word}\""), did_you_mean(word, known, "possible values"))
-            }
+            What::UnknownKey { key, known } => (
+                format!("unknown key `{key}`"),
+                did_you_mean(key, known, "known keys"),
+            ),
+            What::UnknownWord { word, known } => (
+                format!("unknown value \"{word}\""),
+                did_you_mean(word, known, "possible values"),
+            ),
             What::MissingKey(key) => (format!("missing key `{key}`"), format!("add `{key} = ...` here")),
             What::Value(message) => (message.clone(), String::new()),
         }
@@ -47,7 +55,11 @@ impl Refusal {
 
 impl From<What> for Refusal {
     fn from(what: What) -> Self {
-        Self { what, path: None, span: None }
+        Self {
+            what,
+            path: None,
+            span: None,
+        }
     }
 }
 
@@ -75,7 +87,11 @@ impl Error for Refusal {
             Unexpected::Float(number) => format!("{number:?}"),
             other => other.to_string(),
         };
-        What::Value(format!("expected {}, found {found}", plain_words(&expected.to_string()))).into()
+        What::Value(format!(
+            "expected {}, found {found}",
+            plain_words(&expected.to_string())
+        ))
+        .into()
     }
 
     fn invalid_value(unexpected: Unexpected<'_>, expected: &dyn Expected) -> Self {
@@ -83,11 +99,19 @@ impl Error for Refusal {
     }
 
     fn unknown_variant(word: &str, known: &'static [&'static str]) -> Self {
-        What::UnknownWord { word: word.to_owned(), known }.into()
+        What::UnknownWord {
+            word: word.to_owned(),
+            known,
+        }
+        .into()
     }
 
     fn unknown_field(key: &str, known: &'static [&'static str]) -> Self {
-        What::UnknownKey { key: key.to_owned(), known }.into()
+        What::UnknownKey {
+            key: key.to_owned(),
+            known,
+        }
+        .into()
     }
 
     fn missing_field(key: &'static str) -> Self {

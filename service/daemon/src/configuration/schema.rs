@@ -45,7 +45,11 @@ pub(super) struct Realtime {
 
 impl Default for Realtime {
     fn default() -> Self {
-        Self { fifo_priority: None, cpu: None, lock_memory: true }
+        Self {
+            fifo_priority: None,
+            cpu: None,
+            lock_memory: true,
+        }
     }
 }
 

@@ -5,7 +5,10 @@ const LIKENESS: f64 = 0.55;
 
 /// A help text for a word that is not one of `known`: the most similar one, and all of them.
 pub(super) fn did_you_mean(word: &str, known: &[impl AsRef<str>], what: &str) -> String {
-    let all: Vec<_> = known.iter().map(|known| format!("`{}`", known.as_ref())).collect();
+    let all: Vec<_> = known
+        .iter()
+        .map(|known| format!("`{}`", known.as_ref()))
+        .collect();
     let list = format!("{what}: {}", all.join(", "));
     match closest(word, known) {
         Some(closest) => format!("did you mean `{closest}`? {list}"),
@@ -14,9 +17,8 @@ pub(super) fn did_you_mean(word: &str, known: &[impl AsRef<str>], what: &str) ->
 }
 
 fn closest<'k>(word: &str, known: &'k [impl AsRef<str>]) -> Option<&'k str> {
-    let likeness = |known: &str| {
-        strsim::normalized_damerau_levenshtein(&word.to_lowercase(), &known.to_lowercase())
-    };
+    let likeness =
+        |known: &str| strsim::normalized_damerau_levenshtein(&word.to_lowercase(), &known.to_lowercase());
     known
         .iter()
         .map(|known| (likeness(known.as_ref()), known.as_ref()))

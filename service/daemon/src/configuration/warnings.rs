@@ -28,19 +28,28 @@ impl Configuration {
     }
 
     fn unused_signals(&self) -> Vec<String> {
-        let references = self.diagnosers.iter().flat_map(|diagnoser| {
-            diagnoser.measurements.iter().chain(&diagnoser.commands)
-        });
+        let references = self
+            .diagnosers
+            .iter()
+            .flat_map(|diagnoser| diagnoser.measurements.iter().chain(&diagnoser.commands));
         let used: HashSet<&SignalReference> = references.collect();
         let mut warnings = Vec::new();
         for (index, input) in self.inputs.iter().enumerate() {
-            let is_unused = |element: &usize| !used.contains(&SignalReference { input: index, element: *element });
+            let is_unused = |element: &usize| {
+                !used.contains(&SignalReference {
+                    input: index,
+                    element: *element,
+                })
+            };
             let unused: Vec<usize> = (0..input.signals.len()).filter(is_unused).collect();
             if unused.len() == input.signals.len() {
                 warnings.push(format!("no diagnoser uses the input `{}`", input.name));
             } else {
                 warnings.extend(unused.iter().map(|&element| {
-                    format!("no diagnoser uses the signal `{}.{}`", input.name, input.signals[element])
+                    format!(
+                        "no diagnoser uses the signal `{}.{}`",
+                        input.name, input.signals[element]
+                    )
                 }));
             }
         }

@@ -20,14 +20,16 @@ pub fn vtol_with(good: &str, bad: &str) -> String {
 
 /// The line, from 1, of the first `words`.
 pub fn line_of(text: &str, words: &str) -> usize {
-    let offset = text.find(words).unwrap_or_else(|| panic!("the text does not contain {words}"));
+    let offset = text
+        .find(words)
+        .unwrap_or_else(|| panic!("the text does not contain {words}"));
     text[..offset].matches('\n').count() + 1
 }
 
 /// The mistakes of a text, those of the construction of its diagnosers included; empty if it is in order.
 pub fn mistakes_of(text: &str) -> Vec<Mistake> {
-    let built = Configuration::from_text("vtol.toml", text)
-        .and_then(|loaded| loaded.build_diagnosers().map(|_| ()));
+    let built =
+        Configuration::from_text("vtol.toml", text).and_then(|loaded| loaded.build_diagnosers().map(|_| ()));
     match built {
         Ok(()) => Vec::new(),
         Err(ConfigurationError::Mistakes { mistakes, .. }) => mistakes,

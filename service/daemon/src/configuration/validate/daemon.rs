@@ -17,7 +17,10 @@ const MAX_RECORD_QUEUE: u64 = 65_536;
 /// Largest processor number of the kernel's CPU set.
 const MAX_CPU: u64 = 1023;
 
-pub(in crate::configuration) fn daemon(section: Daemon, mistakes: &mut Mistakes<'_>) -> Option<DaemonSection> {
+pub(in crate::configuration) fn daemon(
+    section: Daemon,
+    mistakes: &mut Mistakes<'_>,
+) -> Option<DaemonSection> {
     let instance = match section.instance.parse::<InstanceName>() {
         Ok(instance) => Some(instance),
         Err(error) => {
@@ -95,7 +98,11 @@ fn group_id(group: Group, mistakes: &mut Mistakes<'_>) -> Option<u32> {
             None
         }
         Err(error) => {
-            mistakes.at("daemon.group", format!("the group `{name}` cannot be looked up: {error}"), "");
+            mistakes.at(
+                "daemon.group",
+                format!("the group `{name}` cannot be looked up: {error}"),
+                "",
+            );
             None
         }
     }
@@ -117,7 +124,11 @@ fn permission_bits(mode: &str, mistakes: &mut Mistakes<'_>) -> Option<u32> {
         }
     };
     if bits & 0o022 != 0 {
-        let who = if bits & 0o002 != 0 { "everybody" } else { "the group" };
+        let who = if bits & 0o002 != 0 {
+            "everybody"
+        } else {
+            "the group"
+        };
         return refuse(
             format!("the mode {mode} would let {who} write to the bounds table"),
             "clients only read: use \"0640\" (the group reads) or \"0644\" (everybody reads)",
@@ -134,7 +145,9 @@ fn permission_bits(mode: &str, mistakes: &mut Mistakes<'_>) -> Option<u32> {
 
 pub(in crate::configuration) fn realtime(section: &Realtime, mistakes: &mut Mistakes<'_>) -> RealtimeSection {
     let fifo_priority = section.fifo_priority.and_then(|priority| {
-        let valid = u8::try_from(priority).ok().filter(|priority| (1..=99).contains(priority));
+        let valid = u8::try_from(priority)
+            .ok()
+            .filter(|priority| (1..=99).contains(priority));
         if valid.is_none() {
             mistakes.at(
                 "realtime.fifo_priority",
@@ -145,7 +158,18 @@ pub(in crate::configuration) fn realtime(section: &Realtime, mistakes: &mut Mist
         valid
     });
     if let Some(cpu) = section.cpu {
-        check_range("realtime.cpu", cpu as u64, 0, MAX_CPU, "processor number", mistakes);
+        check_range(
+            "realtime.cpu",
+            cpu as u64,
+            0,
+            MAX_CPU,
+            "processor number",
+            mistakes,
+        );
     }
-    RealtimeSection { fifo_priority, cpu: section.cpu, lock_memory: section.lock_memory }
+    RealtimeSection {
+        fifo_priority,
+        cpu: section.cpu,
+        lock_memory: section.lock_memory,
+    }
 }

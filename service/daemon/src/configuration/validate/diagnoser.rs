@@ -5,7 +5,9 @@ use super::{check_name, refuse_duplicates};
 use crate::configuration::locate::Mistakes;
 use crate::configuration::schema::Diagnoser;
 use crate::configuration::suggest::did_you_mean;
-use crate::configuration::{DiagnoserConfiguration, InputConfiguration, MethodConfiguration, SignalReference};
+use crate::configuration::{
+    DiagnoserConfiguration, InputConfiguration, MethodConfiguration, SignalReference,
+};
 
 /// Measurements and commands of one diagnoser; a step record has one validity bit for each.
 const MAX_SIGNALS: usize = u64::BITS as usize;
@@ -45,7 +47,10 @@ pub(in crate::configuration) fn diagnoser(
     if total > MAX_SIGNALS {
         mistakes.at(
             &at("measurements"),
-            format!("the diagnoser `{}` uses {total} measurements and commands", section.name),
+            format!(
+                "the diagnoser `{}` uses {total} measurements and commands",
+                section.name
+            ),
             format!("at most {MAX_SIGNALS} fit into a step record; split the plant over several diagnosers"),
         );
     }
@@ -83,10 +88,23 @@ fn schedule(
     mistakes: &mut Mistakes<'_>,
 ) -> (Option<u64>, Option<u64>) {
     let phase_path = format!("{path}.phase_s");
-    let limit = format!("the phase lies from 0 to below the period of {} s", section.sample_time_s);
-    let phase_ns = duration_ns(&phase_path, section.phase_s, section.sample_time_s, &limit, mistakes);
+    let limit = format!(
+        "the phase lies from 0 to below the period of {} s",
+        section.sample_time_s
+    );
+    let phase_ns = duration_ns(
+        &phase_path,
+        section.phase_s,
+        section.sample_time_s,
+        &limit,
+        mistakes,
+    );
     if phase_ns.is_some_and(|phase_ns| phase_ns >= period_ns) {
-        mistakes.at(&phase_path, format!("a phase of {} s is a whole period", section.phase_s), limit);
+        mistakes.at(
+            &phase_path,
+            format!("a phase of {} s is a whole period", section.phase_s),
+            limit,
+        );
     }
     let margin_ns = match section.margin_s {
         None => Some(period_ns / MARGIN_DIVISOR),
@@ -121,7 +139,11 @@ fn signals(
 fn signal(reference: &str, inputs: &[InputConfiguration]) -> Result<SignalReference, (String, String)> {
     let Some((input_name, signal_name)) = reference.split_once('.') else {
         let written = |input: &InputConfiguration| {
-            input.signals.iter().map(|signal| format!("{}.{signal}", input.name)).collect::<Vec<_>>()
+            input
+                .signals
+                .iter()
+                .map(|signal| format!("{}.{signal}", input.name))
+                .collect::<Vec<_>>()
         };
         let known: Vec<_> = inputs.iter().flat_map(written).collect();
         let full = known.iter().find(|full| full.ends_with(&format!(".{reference}")));
@@ -129,11 +151,17 @@ fn signal(reference: &str, inputs: &[InputConfiguration]) -> Result<SignalRefere
             Some(full) => format!("write \"{full}\""),
             None => did_you_mean(reference, &known, "signals"),
         };
-        return Err((format!("`{reference}` does not name a signal as \"input.signal\""), help));
+        return Err((
+            format!("`{reference}` does not name a signal as \"input.signal\""),
+            help,
+        ));
     };
     let Some(input) = inputs.iter().position(|input| input.name == input_name) else {
         let known: Vec<_> = inputs.iter().map(|input| &input.name).collect();
-        return Err((format!("there is no input `{input_name}`"), did_you_mean(input_name, &known, "inputs")));
+        return Err((
+            format!("there is no input `{input_name}`"),
+            did_you_mean(input_name, &known, "inputs"),
+        ));
     };
     let known = &inputs[input].signals;
     match known.iter().position(|signal| signal == signal_name) {
@@ -165,7 +193,12 @@ fn counts_agree(
     let (rows, columns) = method.signal_counts();
     let mut agree = true;
     let lists = [
-        ("measurements", section.measurements.len(), rows, "rows of model.C"),
+        (
+            "measurements",
+            section.measurements.len(),
+            rows,
+            "rows of model.C",
+        ),
         ("commands", section.commands.len(), columns, "columns of model.B"),
     ];
     for (key, found, expected, what) in lists {
@@ -173,8 +206,14 @@ fn counts_agree(
             agree = false;
             mistakes.at(
                 &format!("{path}.{key}"),
-                format!("the diagnoser `{}` has {found} {key}, but {expected} {what}", section.name),
-                format!("list one signal per {}, in order, or correct the matrix", what.replacen('s', "", 1)),
+                format!(
+                    "the diagnoser `{}` has {found} {key}, but {expected} {what}",
+                    section.name
+                ),
+                format!(
+                    "list one signal per {}, in order, or correct the matrix",
+                    what.replacen('s', "", 1)
+                ),
             );
         }
     }

@@ -37,12 +37,21 @@ pub(in crate::configuration) fn input(
     for (index, name) in section.signals.iter().enumerate() {
         check_name(&signal(index), name, "signal", mistakes);
     }
-    refuse_duplicates(section.signals.iter().map(String::as_str), signal, "signal", mistakes);
+    refuse_duplicates(
+        section.signals.iter().map(String::as_str),
+        signal,
+        "signal",
+        mistakes,
+    );
     let units = section.units.unwrap_or_else(|| vec![String::new(); count]);
     if units.len() != count {
         mistakes.at(
             &at("units"),
-            format!("the input `{}` has {count} signals but {} units", section.name, units.len()),
+            format!(
+                "the input `{}` has {count} signals but {} units",
+                section.name,
+                units.len()
+            ),
             "give one unit per signal (\"\" for none), or leave `units` out",
         );
     }
@@ -63,7 +72,13 @@ pub(in crate::configuration) fn input(
         mistakes,
     );
     let limit = "use 0 to 86400 s (one day)";
-    let max_ahead_ns = duration_ns(&at("max_ahead_s"), section.max_ahead_s, MAX_AHEAD_S, limit, mistakes);
+    let max_ahead_ns = duration_ns(
+        &at("max_ahead_s"),
+        section.max_ahead_s,
+        MAX_AHEAD_S,
+        limit,
+        mistakes,
+    );
     InputConfiguration {
         name: section.name,
         signals: section.signals,

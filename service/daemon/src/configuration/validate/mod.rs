@@ -58,6 +58,10 @@ pub(super) fn refuse_duplicates<'n>(
 /// Refuses a number outside `from..=to`.
 fn check_range(path: &str, value: u64, from: u64, to: u64, what: &str, mistakes: &mut Mistakes<'_>) {
     if !(from..=to).contains(&value) {
-        mistakes.at(path, format!("{value} is no possible {what}"), format!("use {from} to {to}"));
+        mistakes.at(
+            path,
+            format!("{value} is no possible {what}"),
+            format!("use {from} to {to}"),
+        );
     }
 }

@@ -29,7 +29,10 @@ pub(super) fn period_ns(path: &str, seconds: f64, mistakes: &mut Mistakes<'_>) -
         mistakes.at(
             path,
             format!("a period of {seconds} s is not a whole number of nanoseconds"),
-            format!("write the period that the data have, for instance {}", whole / NANOSECONDS),
+            format!(
+                "write the period that the data have, for instance {}",
+                whole / NANOSECONDS
+            ),
         );
         return None;
     }
@@ -45,7 +48,11 @@ pub(super) fn duration_ns(
     mistakes: &mut Mistakes<'_>,
 ) -> Option<u64> {
     if !(0.0..=limit_s).contains(&seconds) {
-        mistakes.at(path, format!("{seconds} s is outside what is possible here"), limit);
+        mistakes.at(
+            path,
+            format!("{seconds} s is outside what is possible here"),
+            limit,
+        );
         return None;
     }
     Some((seconds * NANOSECONDS).round() as u64)

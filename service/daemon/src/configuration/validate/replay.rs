@@ -12,7 +12,12 @@ pub(in crate::configuration) fn replay(
     mistakes: &mut Mistakes<'_>,
 ) -> ReplayConfiguration {
     let name_path = |index: usize| format!("replay.input.{index}.input");
-    refuse_duplicates(section.input.iter().map(|input| input.input.as_str()), name_path, "input", mistakes);
+    refuse_duplicates(
+        section.input.iter().map(|input| input.input.as_str()),
+        name_path,
+        "input",
+        mistakes,
+    );
     let mut feeds = Vec::with_capacity(section.input.len());
     for (index, feed) in section.input.into_iter().enumerate() {
         let values_path = format!("replay.input.{index}.values");
@@ -29,7 +34,11 @@ pub(in crate::configuration) fn replay(
         let Some(input) = inputs.iter().position(|input| input.name == feed.input) else {
             let known: Vec<_> = inputs.iter().map(|input| input.name.as_str()).collect();
             let help = did_you_mean(&feed.input, &known, "inputs");
-            mistakes.at(&name_path(index), format!("there is no input `{}`", feed.input), help);
+            mistakes.at(
+                &name_path(index),
+                format!("there is no input `{}`", feed.input),
+                help,
+            );
             continue;
         };
         let signals = &inputs[input].signals;
@@ -42,10 +51,20 @@ pub(in crate::configuration) fn replay(
                     signals.len(),
                     feed.input
                 ),
-                format!("give one expression per signal, in this order: {}", signals.join(", ")),
+                format!(
+                    "give one expression per signal, in this order: {}",
+                    signals.join(", ")
+                ),
             );
         }
-        feeds.push(ReplayInput { input, values: feed.values });
+        feeds.push(ReplayInput {
+            input,
+            values: feed.values,
+        });
     }
-    ReplayConfiguration { time_column: section.time_column, run_column: section.run_column, inputs: feeds }
+    ReplayConfiguration {
+        time_column: section.time_column,
+        run_column: section.run_column,
+        inputs: feeds,
+    }
 }
