@@ -82,7 +82,7 @@ fn unknown_keys_are_refused_with_a_suggestion() {
 fn wrong_types_and_words_are_refused() {
     check(cases![
         "text for a number": "stale_after_periods = 3" => "stale_after_periods = \"3\"", 0,
-            ["expected a whole number", "\"3\""], [];
+            ["expected a whole number", "\"3\""], ["write a whole number"];
         "number for a text": "log = \"info\"" => "log = 3", 0, ["expected a string, found 3"], [];
         "fraction for a count": "record_queue = 1024" => "record_queue = 10.5", 0,
             ["expected a whole number, 0 or more, found 10.5"], [];
@@ -105,7 +105,7 @@ fn wrong_types_and_words_are_refused() {
 fn numbers_that_are_not_finite_are_refused_where_they_stand() {
     check(cases![
         "nan in a matrix": "    [0.0, 0.0, 0.0100, 1.0]," => "    [0.0, 0.0, nan, 1.0],", 0, ["nan"], [];
-        "infinite bound": "fault_bound = [3.0, 3.0]" => "fault_bound = [3.0, inf]", 0, ["finite"], [];
+        "infinite bound": "fault_bound = [3.0, 3.0]" => "fault_bound = [3.0, inf]", 0, ["finite"], ["write a finite one"];
         "infinite period": "sample_time_s = 0.01" => "sample_time_s = inf", 0, ["finite"], [];
         "overflow": "max_ahead_s = 1.0" => "max_ahead_s = 1e999", 0, ["1e999", "finite"], [];
     ]);
@@ -361,4 +361,54 @@ fn replay_values_that_are_no_expressions_are_refused() {
         "same input twice": "input = \"aircraft_commands\"\nvalues = [\"collective\", \"cyclic\"]" =>
             "input = \"aircraft_sensors\"\nvalues = [\"1\", \"2\", \"3\", \"4\"]", 0, ["appears twice"], ["line"];
     ]);
+}
+
+/// Every line left out, and every value replaced by something else: a refusal always has its place, and whatever
+/// is accepted can be built.
+#[test]
+fn no_spoiled_line_makes_the_check_panic_or_lose_the_place() {
+    let lines: Vec<&str> = VTOL.lines().collect();
+    let (mut accepted, mut refused) = (0, 0);
+    for index in 0..lines.len() {
+        let key = lines[index]
+            .split_once(" = ")
+            .map(|(key, _)| key.trim_start_matches("# "));
+        let values = [
+            "{}",
+            "[]",
+            "[[]]",
+            "\"\"",
+            "-1",
+            "0",
+            "nan",
+            "1e300",
+            "true",
+            "\"ä.ö\"",
+            "[\"a\", 1]",
+        ];
+        let replaced = values
+            .iter()
+            .filter_map(|value| key.map(|key| format!("{key} = {value}")));
+        for spoiled in replaced.chain([String::new(), "[[[".to_owned(), lines[index].repeat(2)]) {
+            let mut text = lines.clone();
+            text[index] = &spoiled;
+            let mistakes = mistakes_of(&text.join("\n"));
+            for mistake in &mistakes {
+                assert!(
+                    (1..=lines.len() + 1).contains(&mistake.line),
+                    "{spoiled}: {mistake:?}"
+                );
+                assert!(!mistake.message.is_empty());
+            }
+            if mistakes.is_empty() {
+                accepted += 1
+            } else {
+                refused += 1
+            }
+        }
+    }
+    assert!(
+        refused > 500 && accepted > 100,
+        "{refused} refused, {accepted} accepted"
+    );
 }

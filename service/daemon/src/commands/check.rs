@@ -196,7 +196,7 @@ fn duration(nanoseconds: u64) -> String {
 }
 
 /// Width of the column of names.
-const NAME_WIDTH: usize = 15;
+const NAME_WIDTH: usize = 18;
 
 /// Width of the report.
 const LINE_WIDTH: usize = 110;
