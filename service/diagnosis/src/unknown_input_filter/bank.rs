@@ -4,8 +4,9 @@ use super::{
     channels::{ChannelLayout, inputs_valid},
     decision::{Conclusion, Decision, decide},
     error::ConstructionError,
+    fixed_gain::{FixedGain, Nominal},
     filter::{CoupledFilter, CoupledOptions, Workspace, reset_by_strip, state_bound},
-    modes::{FaultMode, enumerate_modes},
+    modes::FaultMode,
     options::{Form, GainRule, Initialisation, Isolation, MissingPolicy, ResetRule, UnknownInputFilterOptions},
     outcome::{Outcome, TestRow},
     parity::ParityTest,
@@ -18,6 +19,10 @@ use crate::{
     matrix::Matrix,
     model::LinearModel,
 };
+use nalgebra::DMatrix;
+
+/// Sweeps of the off-line run that finds the fixed gain (method sheet 3.3).
+const DESIGN_SWEEPS: usize = 6;
 
 /// One fault mode: its filter and its parity tests.
 pub(super) struct Mode {
@@ -75,6 +80,7 @@ pub struct UnknownInputFilterBank {
     mode_sets: Vec<FaultMode>,
     command: Command,
     prior: Option<Prior>,
+    nominal: Nominal,
     layout: ChannelLayout,
     description: Description,
 }
@@ -89,11 +95,10 @@ impl UnknownInputFilterBank {
         let filter = &options.filter;
         let order = filter.effective_generator_order();
         let plant = Plant::new(&model, order, filter.outward_rounding && filter.form == Form::Coupled);
-        let pairs = options.bank.simultaneous_faults.contains(&2);
-        let mode_sets = enumerate_modes(plant.nu(), options.bank.fault_free_mode, pairs);
+        let mode_sets = options.bank.modes(plant.nu());
         let shaping = filter.s.as_ref().map(|s| {
-            let s = nalgebra::DMatrix::from_fn(plant.nx(), plant.ny(), |i, j| s[i][j]);
-            Matrix::from(&(nalgebra::DMatrix::identity(plant.ny(), plant.ny()) - model.c() * s))
+            let s = DMatrix::from_fn(plant.nx(), plant.ny(), |i, j| s[i][j]);
+            Matrix::from(&(DMatrix::identity(plant.ny(), plant.ny()) - model.c() * s))
         });
         let bounded = options.missing.policy == MissingPolicy::BoundedFault;
         let coupled = CoupledOptions {
@@ -104,19 +109,23 @@ impl UnknownInputFilterBank {
             order,
         };
         let mut modes = Vec::new();
+        let nominal = Nominal::new(&model, &plant, filter);
+        let design = CoupledOptions { row_wise: true, sweeps: DESIGN_SWEEPS, ..coupled };
         for &mode in &mode_sets {
-            modes.push(Mode {
-                mode,
-                filter: Some(CoupledFilter::new(&plant, mode, &coupled)),
-                parity: Vec::new(),
-            });
+            let mut coupled = CoupledFilter::new(&plant, mode, &coupled);
+            if filter.gain != GainRule::Frobenius {
+                let fixed = FixedGain::design(&plant, &CoupledFilter::new(&plant, mode, &design), &nominal);
+                if let Some(fixed) = fixed {
+                    coupled.set_fixed_candidate(&plant, &fixed.gain);
+                }
+            }
+            modes.push(Mode { mode, filter: Some(coupled), parity: Vec::new() });
         }
         for certificate in options.parity.certificates.iter().flatten() {
             let test = ParityTest::new(certificate, &model, filter.outward_rounding)?;
-            let Some(target) = modes.iter_mut().find(|target| target.mode == certificate.mode) else {
-                return Err(ConstructionError::CertificateWithoutMode { mode: certificate.mode });
-            };
-            target.parity.push(test);
+            if let Some(target) = modes.iter_mut().find(|target| target.mode == certificate.mode) {
+                target.parity.push(test);
+            }
         }
         let own = mode_sets.iter().map(|mode| mode.len()).max().unwrap_or(0);
         let columns = plant.column_capacity(order, own);
@@ -163,11 +172,33 @@ impl UnknownInputFilterBank {
             state_bound: vec![0.0; plant.nx()],
             command: Command::new(&plant),
             mode_sets,
+            nominal,
             modes,
             state,
             layout,
             plant,
         })
+    }
+
+    /// Replaces the fixed gain L_fix of a mode (nx x ny) by one designed elsewhere. It is projected on LCF = F
+    /// before use. Call it before the first step.
+    ///
+    /// # Errors
+    /// [`ConstructionError`] if the mode has no filter, if the shape is wrong, or if the filter is not stable with
+    /// this gain.
+    pub fn load_fixed_gain(&mut self, mode: FaultMode, gain: &DMatrix<f64>) -> Result<(), ConstructionError> {
+        let shape = (self.plant.nx(), self.plant.ny());
+        let target = self.modes.iter_mut().find(|target| target.mode == mode);
+        let Some(filter) = target.and_then(|target| target.filter.as_mut()) else {
+            return Err(ConstructionError::FixedGainWithoutMode { mode });
+        };
+        if gain.shape() != shape {
+            return Err(ConstructionError::FixedGainShape { mode, actual: gain.shape(), expected: shape });
+        }
+        let fixed = FixedGain::check(&self.plant, filter, &Matrix::from(gain), &self.nominal)
+            .ok_or(ConstructionError::NoStableFixedGain { mode })?;
+        filter.set_fixed_candidate(&self.plant, &fixed.gain);
+        Ok(())
     }
 
     /// The modes of the bank, in the order of their channels.

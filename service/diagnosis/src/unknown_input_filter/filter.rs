@@ -75,7 +75,7 @@ pub(crate) struct CoupledFilter {
 }
 
 /// Options of a coupled filter.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct CoupledOptions<'a> {
     pub shaping: Option<&'a Matrix>,
     /// Bounds of all actuator faults under the policy `bounded_fault`.

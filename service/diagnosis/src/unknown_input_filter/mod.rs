@@ -7,6 +7,7 @@ pub mod decision;
 mod decoupling;
 pub mod error;
 mod filter;
+mod fixed_gain;
 mod floors;
 mod gain;
 mod missing;
