@@ -5,10 +5,14 @@ use super::{
     decision::{Conclusion, Decision, decide},
     error::ConstructionError,
     fixed_gain::{FixedGain, Nominal},
+    fixed_step::FixedFilter,
+    kalman::{KalmanFilter, KalmanOptions},
+    mode_filter::ModeFilter,
     filter::{CoupledFilter, CoupledOptions, Workspace, reset_by_strip, state_bound},
     modes::FaultMode,
     options::{Form, GainRule, Initialisation, Isolation, MissingPolicy, ResetRule, UnknownInputFilterOptions},
     outcome::{Outcome, TestRow},
+    paper::PaperFilter,
     parity::ParityTest,
     parity_window::ParityWindow,
     plant::{Command, Measured, Plant},
@@ -28,7 +32,7 @@ const DESIGN_SWEEPS: usize = 6;
 pub(super) struct Mode {
     pub mode: FaultMode,
     /// `None` for an untestable mode that was allowed: it is never falsified.
-    pub filter: Option<CoupledFilter>,
+    pub filter: Option<ModeFilter>,
     pub parity: Vec<ParityTest>,
 }
 
@@ -96,30 +100,11 @@ impl UnknownInputFilterBank {
         let order = filter.effective_generator_order();
         let plant = Plant::new(&model, order, filter.outward_rounding && filter.form == Form::Coupled);
         let mode_sets = options.bank.modes(plant.nu());
-        let shaping = filter.s.as_ref().map(|s| {
-            let s = DMatrix::from_fn(plant.nx(), plant.ny(), |i, j| s[i][j]);
-            Matrix::from(&(DMatrix::identity(plant.ny(), plant.ny()) - model.c() * s))
-        });
-        let bounded = options.missing.policy == MissingPolicy::BoundedFault;
-        let coupled = CoupledOptions {
-            shaping: shaping.as_ref(),
-            fault_bound: options.missing.fault_bound.as_deref().filter(|_| bounded),
-            row_wise: filter.gain != GainRule::Frobenius,
-            sweeps: filter.gain_sweeps,
-            order,
-        };
-        let mut modes = Vec::new();
         let nominal = Nominal::new(&model, &plant, filter);
-        let design = CoupledOptions { row_wise: true, sweeps: DESIGN_SWEEPS, ..coupled };
+        let mut modes = Vec::new();
         for &mode in &mode_sets {
-            let mut coupled = CoupledFilter::new(&plant, mode, &coupled);
-            if filter.gain != GainRule::Frobenius {
-                let fixed = FixedGain::design(&plant, &CoupledFilter::new(&plant, mode, &design), &nominal);
-                if let Some(fixed) = fixed {
-                    coupled.set_fixed_candidate(&plant, &fixed.gain);
-                }
-            }
-            modes.push(Mode { mode, filter: Some(coupled), parity: Vec::new() });
+            let filter = Some(build_filter(&model, &plant, mode, options, &nominal)?);
+            modes.push(Mode { mode, filter, parity: Vec::new() });
         }
         for certificate in options.parity.certificates.iter().flatten() {
             let test = ParityTest::new(certificate, &model, filter.outward_rounding)?;
@@ -141,7 +126,9 @@ impl UnknownInputFilterBank {
             falsified: vec![false; modes.len()],
             quiet: 0,
         };
-        let layout = ChannelLayout::new(&model, &modes, options)?;
+        let outcomes: Vec<Outcome> =
+            mode_sets.iter().map(|&mode| Outcome::new(&plant, mode, filter.form)).collect();
+        let layout = ChannelLayout::new(&model, &modes, &outcomes, options)?;
         Ok(Self {
             rules: BankRules {
                 isolation: options.bank.isolation,
@@ -166,7 +153,7 @@ impl UnknownInputFilterBank {
             },
             work: Workspace::new(&plant, order, own, filter.effective_reduction()),
             measured: Measured::new(&plant),
-            outcomes: mode_sets.iter().map(|&mode| Outcome::new(&plant, mode)).collect(),
+            outcomes,
             parity: modes.iter().map(|mode| vec![TestRow::default(); mode.parity.len()]).collect(),
             hull: SetState::new(plant.nx(), columns),
             state_bound: vec![0.0; plant.nx()],
@@ -195,9 +182,24 @@ impl UnknownInputFilterBank {
         if gain.shape() != shape {
             return Err(ConstructionError::FixedGainShape { mode, actual: gain.shape(), expected: shape });
         }
-        let fixed = FixedGain::check(&self.plant, filter, &Matrix::from(gain), &self.nominal)
-            .ok_or(ConstructionError::NoStableFixedGain { mode })?;
-        filter.set_fixed_candidate(&self.plant, &fixed.gain);
+        let gain = Matrix::from(gain);
+        let check = |coupled: &CoupledFilter| {
+            FixedGain::check(&self.plant, coupled, &gain, &self.nominal)
+                .ok_or(ConstructionError::NoStableFixedGain { mode })
+        };
+        match filter {
+            ModeFilter::Coupled(coupled) => {
+                let fixed = check(coupled)?;
+                coupled.set_fixed_candidate(&self.plant, &fixed.gain);
+            }
+            ModeFilter::Fixed(fixed) => {
+                let coupled = fixed.coupled().clone();
+                *fixed = FixedFilter::new(&self.plant, coupled.clone(), &check(&coupled)?);
+            }
+            ModeFilter::Paper(_) | ModeFilter::Kalman(_) => {
+                return Err(ConstructionError::FixedGainWithoutMode { mode });
+            }
+        }
         Ok(())
     }
 
@@ -257,6 +259,10 @@ impl UnknownInputFilterBank {
                 continue;
             }
             let set = &mut self.state.sets[i];
+            if let Some(ModeFilter::Kalman(filter)) = &self.modes[i].filter {
+                filter.start(set);
+                continue;
+            }
             match (&self.plant.strip, &self.prior) {
                 (Some(strip), _) if self.rules.start_by_strip => {
                     reset_by_strip(&self.plant, strip, &self.measured.y, set, &mut self.work);
@@ -357,6 +363,66 @@ impl UnknownInputFilterBank {
             self.state.command.copy_from_slice(u);
         } else {
             self.state.command.fill(f64::NAN);
+        }
+    }
+}
+
+/// The filter of one mode in the configured form.
+fn build_filter(
+    model: &LinearModel,
+    plant: &Plant,
+    mode: FaultMode,
+    options: &UnknownInputFilterOptions,
+    nominal: &Nominal,
+) -> Result<ModeFilter, ConstructionError> {
+    let filter = &options.filter;
+    let order = filter.effective_generator_order();
+    let s = filter.s.as_ref().map(|s| DMatrix::from_fn(plant.nx(), plant.ny(), |i, j| s[i][j]));
+    match filter.form {
+        Form::Paper => Ok(ModeFilter::Paper(PaperFilter::new(plant, mode, s.as_ref(), filter.test, order))),
+        Form::Kalman3Sigma => {
+            let covariance = filter.initial_covariance.iter().flatten().flatten().copied();
+            let covariance = DMatrix::from_row_iterator(plant.nx(), plant.nx(), covariance);
+            let start = KalmanOptions {
+                initial_state: match model.initial_state() {
+                    Some(initial) => initial.center.as_slice().to_vec(),
+                    None => vec![0.0; plant.nx()],
+                },
+                initial_covariance: Matrix::from(&covariance),
+                norm_threshold: filter.residual_norm_threshold.unwrap_or(f64::INFINITY),
+            };
+            Ok(ModeFilter::Kalman(KalmanFilter::new(plant, mode, s.as_ref(), start)))
+        }
+        Form::Coupled => {
+            let shaping = s.map(|s| {
+                Matrix::from(&(DMatrix::identity(plant.ny(), plant.ny()) - model.c() * s))
+            });
+            let bounded = options.missing.policy == MissingPolicy::BoundedFault;
+            let coupled = CoupledOptions {
+                shaping: shaping.as_ref(),
+                fault_bound: options.missing.fault_bound.as_deref().filter(|_| bounded),
+                row_wise: filter.gain != GainRule::Frobenius,
+                sweeps: filter.gain_sweeps,
+                order,
+            };
+            let mut coupled_filter = CoupledFilter::new(plant, mode, &coupled);
+            if filter.gain == GainRule::Frobenius {
+                return Ok(ModeFilter::Coupled(coupled_filter));
+            }
+            let design = CoupledOptions { row_wise: true, sweeps: DESIGN_SWEEPS, ..coupled };
+            let fixed = FixedGain::design(plant, &CoupledFilter::new(plant, mode, &design), nominal);
+            match (fixed, filter.gain) {
+                (Some(fixed), GainRule::Fixed) => {
+                    Ok(ModeFilter::Fixed(FixedFilter::new(plant, coupled_filter, &fixed)))
+                }
+                (None, GainRule::Fixed) => Err(ConstructionError::NoStableFixedGain { mode }),
+                (fixed, _) => {
+                    if let Some(fixed) = fixed {
+                        coupled_filter.set_fixed_candidate(plant, &fixed.gain);
+                    }
+                    Ok(ModeFilter::Coupled(coupled_filter))
+                }
+            }
         }
     }
 }
