@@ -3,6 +3,7 @@
 mod bank;
 pub mod certificate;
 mod channels;
+pub mod checks;
 pub mod decision;
 mod decoupling;
 pub mod error;
