@@ -4,10 +4,15 @@ use super::{
     channels::{ChannelLayout, inputs_valid},
     decision::{Conclusion, Decision, decide},
     error::ConstructionError,
+    fixed_gain::{FixedGain, Nominal},
+    fixed_step::FixedFilter,
+    kalman::{KalmanFilter, KalmanOptions},
+    mode_filter::ModeFilter,
     filter::{CoupledFilter, CoupledOptions, Workspace, reset_by_strip, state_bound},
-    modes::{FaultMode, enumerate_modes},
+    modes::FaultMode,
     options::{Form, GainRule, Initialisation, Isolation, MissingPolicy, ResetRule, UnknownInputFilterOptions},
     outcome::{Outcome, TestRow},
+    paper::PaperFilter,
     parity::ParityTest,
     parity_window::ParityWindow,
     plant::{Command, Measured, Plant},
@@ -18,12 +23,16 @@ use crate::{
     matrix::Matrix,
     model::LinearModel,
 };
+use nalgebra::DMatrix;
+
+/// Sweeps of the off-line run that finds the fixed gain (method sheet 3.3).
+const DESIGN_SWEEPS: usize = 6;
 
 /// One fault mode: its filter and its parity tests.
 pub(super) struct Mode {
     pub mode: FaultMode,
     /// `None` for an untestable mode that was allowed: it is never falsified.
-    pub filter: Option<CoupledFilter>,
+    pub filter: Option<ModeFilter>,
     pub parity: Vec<ParityTest>,
 }
 
@@ -75,6 +84,7 @@ pub struct UnknownInputFilterBank {
     mode_sets: Vec<FaultMode>,
     command: Command,
     prior: Option<Prior>,
+    nominal: Nominal,
     layout: ChannelLayout,
     description: Description,
 }
@@ -89,34 +99,18 @@ impl UnknownInputFilterBank {
         let filter = &options.filter;
         let order = filter.effective_generator_order();
         let plant = Plant::new(&model, order, filter.outward_rounding && filter.form == Form::Coupled);
-        let pairs = options.bank.simultaneous_faults.contains(&2);
-        let mode_sets = enumerate_modes(plant.nu(), options.bank.fault_free_mode, pairs);
-        let shaping = filter.s.as_ref().map(|s| {
-            let s = nalgebra::DMatrix::from_fn(plant.nx(), plant.ny(), |i, j| s[i][j]);
-            Matrix::from(&(nalgebra::DMatrix::identity(plant.ny(), plant.ny()) - model.c() * s))
-        });
-        let bounded = options.missing.policy == MissingPolicy::BoundedFault;
-        let coupled = CoupledOptions {
-            shaping: shaping.as_ref(),
-            fault_bound: options.missing.fault_bound.as_deref().filter(|_| bounded),
-            row_wise: filter.gain != GainRule::Frobenius,
-            sweeps: filter.gain_sweeps,
-            order,
-        };
+        let mode_sets = options.bank.modes(plant.nu());
+        let nominal = Nominal::new(&model, &plant, filter);
         let mut modes = Vec::new();
         for &mode in &mode_sets {
-            modes.push(Mode {
-                mode,
-                filter: Some(CoupledFilter::new(&plant, mode, &coupled)),
-                parity: Vec::new(),
-            });
+            let filter = Some(build_filter(&model, &plant, mode, options, &nominal)?);
+            modes.push(Mode { mode, filter, parity: Vec::new() });
         }
         for certificate in options.parity.certificates.iter().flatten() {
             let test = ParityTest::new(certificate, &model, filter.outward_rounding)?;
-            let Some(target) = modes.iter_mut().find(|target| target.mode == certificate.mode) else {
-                return Err(ConstructionError::CertificateWithoutMode { mode: certificate.mode });
-            };
-            target.parity.push(test);
+            if let Some(target) = modes.iter_mut().find(|target| target.mode == certificate.mode) {
+                target.parity.push(test);
+            }
         }
         let own = mode_sets.iter().map(|mode| mode.len()).max().unwrap_or(0);
         let columns = plant.column_capacity(order, own);
@@ -132,7 +126,9 @@ impl UnknownInputFilterBank {
             falsified: vec![false; modes.len()],
             quiet: 0,
         };
-        let layout = ChannelLayout::new(&model, &modes, options)?;
+        let outcomes: Vec<Outcome> =
+            mode_sets.iter().map(|&mode| Outcome::new(&plant, mode, filter.form)).collect();
+        let layout = ChannelLayout::new(&model, &modes, &outcomes, options)?;
         Ok(Self {
             rules: BankRules {
                 isolation: options.bank.isolation,
@@ -157,17 +153,54 @@ impl UnknownInputFilterBank {
             },
             work: Workspace::new(&plant, order, own, filter.effective_reduction()),
             measured: Measured::new(&plant),
-            outcomes: mode_sets.iter().map(|&mode| Outcome::new(&plant, mode)).collect(),
+            outcomes,
             parity: modes.iter().map(|mode| vec![TestRow::default(); mode.parity.len()]).collect(),
             hull: SetState::new(plant.nx(), columns),
             state_bound: vec![0.0; plant.nx()],
             command: Command::new(&plant),
             mode_sets,
+            nominal,
             modes,
             state,
             layout,
             plant,
         })
+    }
+
+    /// Replaces the fixed gain L_fix of a mode (nx x ny) by one designed elsewhere. It is projected on LCF = F
+    /// before use. Call it before the first step.
+    ///
+    /// # Errors
+    /// [`ConstructionError`] if the mode has no filter, if the shape is wrong, or if the filter is not stable with
+    /// this gain.
+    pub fn load_fixed_gain(&mut self, mode: FaultMode, gain: &DMatrix<f64>) -> Result<(), ConstructionError> {
+        let shape = (self.plant.nx(), self.plant.ny());
+        let target = self.modes.iter_mut().find(|target| target.mode == mode);
+        let Some(filter) = target.and_then(|target| target.filter.as_mut()) else {
+            return Err(ConstructionError::FixedGainWithoutMode { mode });
+        };
+        if gain.shape() != shape {
+            return Err(ConstructionError::FixedGainShape { mode, actual: gain.shape(), expected: shape });
+        }
+        let gain = Matrix::from(gain);
+        let check = |coupled: &CoupledFilter| {
+            FixedGain::check(&self.plant, coupled, &gain, &self.nominal)
+                .ok_or(ConstructionError::NoStableFixedGain { mode })
+        };
+        match filter {
+            ModeFilter::Coupled(coupled) => {
+                let fixed = check(coupled)?;
+                coupled.set_fixed_candidate(&self.plant, &fixed.gain);
+            }
+            ModeFilter::Fixed(fixed) => {
+                let coupled = fixed.coupled().clone();
+                *fixed = FixedFilter::new(&self.plant, coupled.clone(), &check(&coupled)?);
+            }
+            ModeFilter::Paper(_) | ModeFilter::Kalman(_) => {
+                return Err(ConstructionError::FixedGainWithoutMode { mode });
+            }
+        }
+        Ok(())
     }
 
     /// The modes of the bank, in the order of their channels.
@@ -226,6 +259,10 @@ impl UnknownInputFilterBank {
                 continue;
             }
             let set = &mut self.state.sets[i];
+            if let Some(ModeFilter::Kalman(filter)) = &self.modes[i].filter {
+                filter.start(set);
+                continue;
+            }
             match (&self.plant.strip, &self.prior) {
                 (Some(strip), _) if self.rules.start_by_strip => {
                     reset_by_strip(&self.plant, strip, &self.measured.y, set, &mut self.work);
@@ -326,6 +363,66 @@ impl UnknownInputFilterBank {
             self.state.command.copy_from_slice(u);
         } else {
             self.state.command.fill(f64::NAN);
+        }
+    }
+}
+
+/// The filter of one mode in the configured form.
+fn build_filter(
+    model: &LinearModel,
+    plant: &Plant,
+    mode: FaultMode,
+    options: &UnknownInputFilterOptions,
+    nominal: &Nominal,
+) -> Result<ModeFilter, ConstructionError> {
+    let filter = &options.filter;
+    let order = filter.effective_generator_order();
+    let s = filter.s.as_ref().map(|s| DMatrix::from_fn(plant.nx(), plant.ny(), |i, j| s[i][j]));
+    match filter.form {
+        Form::Paper => Ok(ModeFilter::Paper(PaperFilter::new(plant, mode, s.as_ref(), filter.test, order))),
+        Form::Kalman3Sigma => {
+            let covariance = filter.initial_covariance.iter().flatten().flatten().copied();
+            let covariance = DMatrix::from_row_iterator(plant.nx(), plant.nx(), covariance);
+            let start = KalmanOptions {
+                initial_state: match model.initial_state() {
+                    Some(initial) => initial.center.as_slice().to_vec(),
+                    None => vec![0.0; plant.nx()],
+                },
+                initial_covariance: Matrix::from(&covariance),
+                norm_threshold: filter.residual_norm_threshold.unwrap_or(f64::INFINITY),
+            };
+            Ok(ModeFilter::Kalman(KalmanFilter::new(plant, mode, s.as_ref(), start)))
+        }
+        Form::Coupled => {
+            let shaping = s.map(|s| {
+                Matrix::from(&(DMatrix::identity(plant.ny(), plant.ny()) - model.c() * s))
+            });
+            let bounded = options.missing.policy == MissingPolicy::BoundedFault;
+            let coupled = CoupledOptions {
+                shaping: shaping.as_ref(),
+                fault_bound: options.missing.fault_bound.as_deref().filter(|_| bounded),
+                row_wise: filter.gain != GainRule::Frobenius,
+                sweeps: filter.gain_sweeps,
+                order,
+            };
+            let mut coupled_filter = CoupledFilter::new(plant, mode, &coupled);
+            if filter.gain == GainRule::Frobenius {
+                return Ok(ModeFilter::Coupled(coupled_filter));
+            }
+            let design = CoupledOptions { row_wise: true, sweeps: DESIGN_SWEEPS, ..coupled };
+            let fixed = FixedGain::design(plant, &CoupledFilter::new(plant, mode, &design), nominal);
+            match (fixed, filter.gain) {
+                (Some(fixed), GainRule::Fixed) => {
+                    Ok(ModeFilter::Fixed(FixedFilter::new(plant, coupled_filter, &fixed)))
+                }
+                (None, GainRule::Fixed) => Err(ConstructionError::NoStableFixedGain { mode }),
+                (fixed, _) => {
+                    if let Some(fixed) = fixed {
+                        coupled_filter.set_fixed_candidate(plant, &fixed.gain);
+                    }
+                    Ok(ModeFilter::Coupled(coupled_filter))
+                }
+            }
         }
     }
 }

@@ -11,7 +11,7 @@ use super::{
     decision::Conclusion,
     error::ConstructionError,
     floors::Floors,
-    options::{Publish, UnknownInputFilterOptions},
+    options::{Form, Publish, UnknownInputFilterOptions},
     outcome::{Outcome, TestRow},
     plant::Plant,
 };
@@ -32,12 +32,13 @@ impl ChannelLayout {
     pub fn new(
         model: &LinearModel,
         modes: &[Mode],
+        outcomes: &[Outcome],
         options: &UnknownInputFilterOptions,
     ) -> Result<Self, ConstructionError> {
         let publish = options.filter.publish;
         let mut descriptions = Vec::new();
         let mut add = |name: String, unit: &str| descriptions.push(ChannelDescription { name, unit: unit.to_owned() });
-        for mode in modes.iter().filter(|mode| mode.filter.is_some()) {
+        for (mode, outcome) in modes.iter().zip(outcomes).filter(|(mode, _)| mode.filter.is_some()) {
             let prefix = format!("mode_{}", mode.mode.label());
             if publish == Publish::Worst {
                 add(format!("{prefix}_worst"), "");
@@ -46,17 +47,21 @@ impl ChannelLayout {
             for (j, output) in model.outputs().iter().enumerate() {
                 add(format!("{prefix}_output_{j}"), &output.unit);
             }
-            for j in mode.mode.other_actuators(model.actuator_count()) {
+            for (j, _) in mode.mode.other_actuators(model.actuator_count()).zip(&outcome.matched) {
                 add(format!("{prefix}_matched_{j}"), "");
+            }
+            if outcome.norm.is_some() {
+                add(format!("{prefix}_norm"), "");
             }
             for test in &mode.parity {
                 add(format!("{prefix}_parity_{}_{}", test.fault(), test.length()), "");
             }
-            for a in mode.mode.actuators() {
+            for (a, _) in mode.mode.actuators().zip(&outcome.estimates) {
                 add(format!("{prefix}_fault_estimate_{a}"), &model.actuators()[a].unit);
             }
         }
-        for kind in ["detectable", "isolable"] {
+        let guaranteed = options.filter.form != Form::Kalman3Sigma;
+        for kind in ["detectable", "isolable"].iter().filter(|_| guaranteed) {
             for (j, actuator) in model.actuators().iter().enumerate() {
                 add(format!("{kind}_fault_{j}"), &actuator.unit);
             }
@@ -64,7 +69,7 @@ impl ChannelLayout {
         if descriptions.len() > MAX_CHANNELS {
             return Err(ConstructionError::TooManyChannels { count: descriptions.len(), limit: MAX_CHANNELS });
         }
-        let floors = Floors::new(model.actuator_count(), options.filter.fault_of_interest.clone());
+        let floors = Floors::new(if guaranteed { model.actuator_count() } else { 0 }, options.filter.fault_of_interest.clone());
         Ok(Self { publish, descriptions, floors })
     }
 
@@ -112,7 +117,7 @@ impl ChannelLayout {
             record.flags |= crate::diagnoser::flags::THRESHOLD_INERT;
         }
         let isolated = modes.iter().position(|mode| conclusion.isolated == Some(mode.mode) && mode.mode.len() == 1);
-        let estimate = isolated.and_then(|i| outcomes[i].estimates[0]);
+        let estimate = isolated.and_then(|i| outcomes[i].estimates.first().copied().flatten());
         record.fault_estimate = estimate.map_or(f64::NAN, |estimate| estimate.centre);
         record.fault_estimate_half_width = estimate.map_or(f64::NAN, |estimate| estimate.radius);
     }

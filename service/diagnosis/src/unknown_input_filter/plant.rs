@@ -119,6 +119,18 @@ impl Plant {
         }
     }
 
+    /// D diag(w), nx x nd.
+    pub fn disturbance_matrix(&self) -> Matrix {
+        match &self.disturbance_generators {
+            Some(generators) => generators.clone(),
+            None => {
+                let mut diagonal = Matrix::with_capacity(self.nx(), self.nx());
+                diagonal.append_diagonal(&self.disturbance_radius);
+                diagonal
+            }
+        }
+    }
+
     pub fn nx(&self) -> usize {
         self.a0.rows()
     }
