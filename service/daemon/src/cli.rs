@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand, ValueEnum};
 use miette::{IntoDiagnostic, Report};
 
-use crate::commands::{replay, run};
+use crate::commands::{check, replay, run};
 use crate::configuration::Configuration;
 use crate::demo::client::ClientArguments;
 use crate::demo::conductor::DemoArguments;
@@ -47,6 +47,11 @@ pub enum Command {
         #[arg(long, value_enum, default_value = "text")]
         summary: SummaryFormat,
     },
+    /// Check a configuration without starting anything: exit code 0 if the daemon would accept it, otherwise 1.
+    Check {
+        /// The configuration file (TOML).
+        configuration: PathBuf,
+    },
     /// Demonstrate: publisher, daemon and client in processes of their own, a fault, and its isolation.
     Demo(DemoArguments),
     /// Replay a recording instead of sensors, in this process or through a running daemon.
@@ -68,6 +73,7 @@ impl CommandLine {
                 speed,
                 summary,
             } => execute_run(&configuration, speed, summary),
+            Command::Check { configuration } => check::execute(&configuration, &mut io::stdout().lock()),
             Command::Demo(arguments) => conductor::execute(&arguments).into_diagnostic(),
             Command::Replay(arguments) => replay::execute(&arguments).map_err(Report::new),
             Command::DemoPublisher(arguments) => publisher::execute(&arguments).into_diagnostic(),

@@ -3,6 +3,7 @@
 use super::{
     decoupling::{Decoupling, Tolerances},
     gain::{Candidates, GainChoice},
+    kalman::KalmanWorkspace,
     missing::{MissingData, gain_coordinates},
     modes::FaultMode,
     outcome::{Outcome, RowContext},
@@ -28,9 +29,17 @@ pub(crate) struct Workspace {
     pub scratch: Vec<f64>,
     pub row: Vec<f64>,
     signature: Vec<f64>,
-    spread_radius: Vec<f64>,
-    own_fault: Vec<f64>,
-    error: Vec<f64>,
+    /// |e| + R(Γ) + v.
+    pub spread_radius: Vec<f64>,
+    /// f̄.
+    pub own_fault: Vec<f64>,
+    /// Product with the stacked matrix of a fixed gain.
+    pub stacked: Matrix,
+    /// η.
+    pub error: Vec<f64>,
+    /// CH⁻H⁻'C' + V² of the paper's form, ny x ny.
+    pub square: Matrix,
+    pub kalman: KalmanWorkspace,
 }
 
 impl Workspace {
@@ -49,7 +58,10 @@ impl Workspace {
             signature: vec![0.0; ny],
             spread_radius: vec![0.0; ny],
             own_fault: vec![0.0; ny],
+            stacked: Matrix::zeros(nx + ny + plant.nu(), columns),
             error: vec![0.0; nx],
+            square: Matrix::zeros(ny, ny),
+            kalman: KalmanWorkspace::new(plant),
         }
     }
 }
@@ -75,7 +87,7 @@ pub(crate) struct CoupledFilter {
 }
 
 /// Options of a coupled filter.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct CoupledOptions<'a> {
     pub shaping: Option<&'a Matrix>,
     /// Bounds of all actuator faults under the policy `bounded_fault`.
@@ -88,21 +100,17 @@ pub(crate) struct CoupledOptions<'a> {
 impl CoupledFilter {
     /// The filter of a mode whose own faults the complete outputs separate.
     pub fn new(plant: &Plant, mode: FaultMode, options: &CoupledOptions<'_>) -> Self {
-        let (nx, own) = (plant.nx(), mode.len());
-        let mut fault_matrix = Matrix::zeros(nx, own);
-        let mut fault_generators = options.fault_bound.map(|_| Matrix::zeros(nx, own));
-        for (k, j) in mode.actuators().enumerate() {
-            for i in 0..nx {
-                fault_matrix[(i, k)] = plant.b[(i, j)];
-                if let (Some(generators), Some(bound)) = (&mut fault_generators, options.fault_bound) {
-                    generators[(i, k)] = plant.b[(i, j)] * bound[j];
-                }
-            }
-        }
+        let fault_matrix = fault_matrix(plant, mode);
+        let fault_generators = options.fault_bound.map(|bound| {
+            let own: Vec<f64> = mode.actuators().map(|j| bound[j]).collect();
+            let mut generators = Matrix::with_capacity(plant.nx(), own.len());
+            generators.append_scaled(&fault_matrix, &own);
+            generators
+        });
         let shaping = options.shaping.filter(|_| !mode.is_empty()).cloned();
         let decoupling = complete_decoupling(plant, &fault_matrix, shaping.as_ref());
         let strip_rows = plant.strip.as_ref().filter(|_| options.row_wise).map(|strip| {
-            let mut rows = Matrix::zeros(nx, plant.ny());
+            let mut rows = Matrix::zeros(plant.nx(), plant.ny());
             gain_coordinates(&strip.gain, &decoupling, &mut rows);
             rows
         });
@@ -183,15 +191,9 @@ impl CoupledFilter {
 
     /// L of this step into `work.gain` (method sheet 4.2 steps 4 and 5).
     pub fn choose_gain(&self, plant: &Plant, measured: &Measured, regular: bool, work: &mut Workspace) {
-        let decoupling = if regular {
-            &self.decoupling
-        } else {
-            &work.missing.decoupling
-        };
-        let missing_strip = (work.missing.strip_available && self.row_wise).then_some((
-            &work.missing.strip_rows,
-            work.missing.strip_half_widths.as_slice(),
-        ));
+        let decoupling = if regular { &self.decoupling } else { &work.missing.decoupling };
+        let missing_strip = (work.missing.strip_available && self.row_wise)
+            .then_some((&work.missing.strip_rows, work.missing.strip_half_widths.as_slice()));
         let strip = match (&plant.strip, &self.strip_rows) {
             (Some(strip), Some(rows)) if regular => Some((rows, strip.radius.as_slice())),
             _ => missing_strip.filter(|_| !regular),
@@ -201,12 +203,9 @@ impl CoupledFilter {
             fixed: self.fixed_rows.as_ref().filter(|_| regular),
             sweeps: self.sweeps,
         };
-        let Prediction {
-            generators, spread, ..
-        } = &work.prediction;
+        let Prediction { generators, spread, .. } = &work.prediction;
         work.choice.prepare(decoupling, spread, &measured.noise);
-        work.choice
-            .choose(decoupling, generators, spread, candidates, &mut work.gain);
+        work.choice.choose(decoupling, generators, spread, candidates, &mut work.gain);
     }
 
     /// Test rows and fault estimates (method sheet 4.2 steps 6 and 7).
@@ -218,19 +217,9 @@ impl CoupledFilter {
         work: &mut Workspace,
         outcome: &mut Outcome,
     ) {
-        let decoupling = if regular {
-            &self.decoupling
-        } else {
-            &work.missing.decoupling
-        };
+        let decoupling = if regular { &self.decoupling } else { &work.missing.decoupling };
         let (m, rank) = (measured.count(), decoupling.rank());
-        bound_own_faults(
-            decoupling,
-            &work.prediction,
-            measured,
-            &mut work.spread_radius,
-            &mut work.own_fault,
-        );
+        bound_own_faults(decoupling, &work.prediction, measured, &mut work.spread_radius, &mut work.own_fault);
         let outward = (plant.epsilon > 0.0).then_some(Outward {
             epsilon: plant.epsilon,
             prediction_size: &work.prediction.size,
@@ -238,12 +227,7 @@ impl CoupledFilter {
             own_fault: &work.own_fault[..rank],
             decoupling,
         });
-        let context = RowContext {
-            plant,
-            measured,
-            prediction: &work.prediction,
-            outward,
-        };
+        let context = RowContext { plant, measured, prediction: &work.prediction, outward };
         context.test_outputs(decoupling, &mut work.scratch, outcome);
         let row = &mut work.row[..m];
         if decoupling.complete {
@@ -283,19 +267,9 @@ impl CoupledFilter {
             let correction = work.gain.row(i).iter().zip(&prediction.innovation[..m]);
             state.centre[i] = prediction.centre[i] + correction.map(|(l, e)| l * e).sum::<f64>();
         }
-        prediction.correct(
-            &work.gain,
-            &measured.noise,
-            &mut work.scratch,
-            &mut state.generators,
-        );
-        let boxed = work.reducer.reduce(&mut state.generators, self.order);
+        prediction.correct(&work.gain, &measured.noise, &mut work.scratch, &mut state.generators);
         if plant.epsilon > 0.0 {
-            let decoupling = if regular {
-                &self.decoupling
-            } else {
-                &work.missing.decoupling
-            };
+            let decoupling = if regular { &self.decoupling } else { &work.missing.decoupling };
             let outward = Outward {
                 epsilon: plant.epsilon,
                 prediction_size: &prediction.size,
@@ -303,17 +277,27 @@ impl CoupledFilter {
                 own_fault: &work.own_fault[..decoupling.rank()],
                 decoupling,
             };
-            row_sums(&state.generators, &mut state.radius);
-            for i in 0..plant.nx() {
-                let error = outward.state_error(i, work.gain.row(i)) + plant.epsilon * state.radius[i];
-                work.error[i] = error.next_up();
+            for (i, error) in work.error.iter_mut().enumerate() {
+                *error = outward.state_error(i, work.gain.row(i));
             }
-            enlarge(&mut state.generators, boxed, &work.error);
         }
         if regular || work.missing.bounded || work.missing.decoupling.complete {
             state.unbounded.reshape(plant.nx(), 0);
         } else {
             work.missing.update_unbounded(measured, &work.gain, state);
+        }
+        self.finish(plant, state, work);
+    }
+
+    /// Reduces H and, with outward rounding, adds the error of the step (η in `work.error`) and of the reduction.
+    pub fn finish(&self, plant: &Plant, state: &mut SetState, work: &mut Workspace) {
+        let boxed = work.reducer.reduce(&mut state.generators, self.order);
+        if plant.epsilon > 0.0 {
+            row_sums(&state.generators, &mut state.radius);
+            for (error, radius) in work.error.iter_mut().zip(&state.radius) {
+                *error = (*error + plant.epsilon * radius).next_up();
+            }
+            enlarge(&mut state.generators, boxed, &work.error);
         }
         state.update_radius();
     }
@@ -348,8 +332,13 @@ fn bound_own_faults(
     decoupling.own_fault_bound(&spread_radius[..m], own_fault);
 }
 
+/// F, the columns of B in the mode.
+pub(crate) fn fault_matrix(plant: &Plant, mode: FaultMode) -> Matrix {
+    Matrix::from(&mode.unknown_input_matrix(&plant.b.to_dense()))
+}
+
 /// The decoupling of a complete packet; the mode must have passed the checks of method sheet 3.1.
-fn complete_decoupling(plant: &Plant, fault_matrix: &Matrix, shaping: Option<&Matrix>) -> Decoupling {
+pub(crate) fn complete_decoupling(plant: &Plant, fault_matrix: &Matrix, shaping: Option<&Matrix>) -> Decoupling {
     let (nx, ny, own) = (plant.nx(), plant.ny(), fault_matrix.columns());
     let mut measured = Measured::new(plant);
     measured.receive(plant, &vec![0.0; ny]);
@@ -358,26 +347,14 @@ fn complete_decoupling(plant: &Plant, fault_matrix: &Matrix, shaping: Option<&Ma
     let mut qr = PivotedQr::with_capacity(ny, own);
     qr.factor(&product);
     let mut out = Decoupling::with_capacity(nx, ny);
-    out.compute(
-        &qr,
-        fault_matrix,
-        Tolerances { gain: 0.0, test: 0.0 },
-        shaping,
-        &measured,
-    );
+    out.compute(&qr, fault_matrix, Tolerances { gain: 0.0, test: 0.0 }, shaping, &measured);
     out
 }
 
 /// The set that one complete measurement gives, whatever the actuators do (method sheet 4.6).
 ///
 /// The strip must be available and the packet complete.
-pub(crate) fn reset_by_strip(
-    plant: &Plant,
-    strip: &Strip,
-    y: &[f64],
-    state: &mut SetState,
-    work: &mut Workspace,
-) {
+pub(crate) fn reset_by_strip(plant: &Plant, strip: &Strip, y: &[f64], state: &mut SetState, work: &mut Workspace) {
     let nx = plant.nx();
     strip.centre(y, &mut state.centre);
     state.generators.copy_from(&strip.generators);

@@ -3,6 +3,7 @@
 use super::{
     decoupling::Decoupling,
     modes::FaultMode,
+    options::Form,
     outward::Outward,
     plant::{Measured, Plant},
     prediction::Prediction,
@@ -39,6 +40,8 @@ pub(crate) struct Outcome {
     pub outputs: Vec<TestRow>,
     /// One row matched to each actuator outside the mode, in ascending order.
     pub matched: Vec<TestRow>,
+    /// The norm of the residual against its threshold, in the Kalman-type baseline.
+    pub norm: Option<TestRow>,
     /// One estimate for each actuator of the mode; `None` when there is none at this instant.
     pub estimates: Vec<Option<FaultEstimate>>,
     /// For each actuator the smallest fault that some row of this instant certainly sees; infinite if none.
@@ -48,12 +51,16 @@ pub(crate) struct Outcome {
 }
 
 impl Outcome {
-    pub fn new(plant: &Plant, mode: FaultMode) -> Self {
+    /// Room for a filter of this mode; only the coupled form has matched rows and estimates, only the baseline a
+    /// norm.
+    pub fn new(plant: &Plant, mode: FaultMode, form: Form) -> Self {
         let (own, nu) = (mode.len(), plant.nu());
+        let coupled = form == Form::Coupled;
         Self {
             outputs: vec![TestRow::default(); plant.ny()],
-            matched: vec![TestRow::default(); nu - own],
-            estimates: vec![None; own],
+            matched: vec![TestRow::default(); if coupled { nu - own } else { 0 }],
+            norm: (form == Form::Kalman3Sigma).then(TestRow::default),
+            estimates: vec![None; if coupled { own } else { 0 }],
             floors: vec![f64::INFINITY; nu],
             lost: false,
         }
@@ -63,6 +70,7 @@ impl Outcome {
     pub fn clear(&mut self) {
         self.outputs.fill(TestRow::default());
         self.matched.fill(TestRow::default());
+        self.norm = self.norm.map(|_| TestRow::default());
         self.estimates.fill(None);
         self.floors.fill(f64::INFINITY);
         self.lost = false;
@@ -70,7 +78,7 @@ impl Outcome {
 
     /// All rows.
     pub fn rows(&self) -> impl Iterator<Item = &TestRow> {
-        self.outputs.iter().chain(&self.matched)
+        self.outputs.iter().chain(&self.matched).chain(&self.norm)
     }
 
     /// Whether any row was tested.
@@ -110,11 +118,7 @@ impl RowContext<'_> {
         if let Some(outward) = &self.outward {
             half_width = outward.half_width(half_width, row);
         }
-        TestRow {
-            residual,
-            half_width,
-            evaluated: residual.is_finite() && half_width.is_finite(),
-        }
+        TestRow { residual, half_width, evaluated: residual.is_finite() && half_width.is_finite() }
     }
 
     /// Estimate with the coefficients `row` of φ.
@@ -130,10 +134,7 @@ impl RowContext<'_> {
     /// w C B_j for every actuator j.
     pub fn responses<'a>(&'a self, row: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         (0..self.plant.nu()).map(move |j| {
-            row.iter()
-                .zip(&self.measured.received)
-                .map(|(weight, &output)| weight * self.plant.cb[(output, j)])
-                .sum()
+            row.iter().zip(&self.measured.received).map(|(weight, &output)| weight * self.plant.cb[(output, j)]).sum()
         })
     }
 

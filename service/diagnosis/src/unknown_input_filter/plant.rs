@@ -45,10 +45,7 @@ pub(crate) struct IntervalBox {
 
 impl From<&Bounds> for IntervalBox {
     fn from(bounds: &Bounds) -> Self {
-        Self {
-            centre: bounds.center().as_slice().to_vec(),
-            radius: bounds.radius().as_slice().to_vec(),
-        }
+        Self { centre: bounds.center().as_slice().to_vec(), radius: bounds.radius().as_slice().to_vec() }
     }
 }
 
@@ -76,14 +73,7 @@ impl Strip {
         if !self.outward {
             return 0.0;
         }
-        let measured: f64 = self
-            .gain
-            .row(i)
-            .iter()
-            .zip(y)
-            .zip(noise)
-            .map(|((g, y), v)| g.abs() * (y.abs() + v))
-            .sum();
+        let measured: f64 = self.gain.row(i).iter().zip(y).zip(noise).map(|((g, y), v)| g.abs() * (y.abs() + v)).sum();
         1.01 * dot(self.identity_error.row(i), magnitude) + 4.0 * y.len() as f64 * UNIT_ROUNDOFF * measured
     }
 }
@@ -126,6 +116,18 @@ impl Plant {
             b,
             c,
             noise,
+        }
+    }
+
+    /// D diag(w), nx x nd.
+    pub fn disturbance_matrix(&self) -> Matrix {
+        match &self.disturbance_generators {
+            Some(generators) => generators.clone(),
+            None => {
+                let mut diagonal = Matrix::with_capacity(self.nx(), self.nx());
+                diagonal.append_diagonal(&self.disturbance_radius);
+                diagonal
+            }
         }
     }
 
@@ -219,12 +221,7 @@ pub(crate) struct Command {
 impl Command {
     pub fn new(plant: &Plant) -> Self {
         let nu = plant.nu();
-        Self {
-            centre: vec![0.0; nu],
-            radius: vec![0.0; nu],
-            exact: false,
-            known: false,
-        }
+        Self { centre: vec![0.0; nu], radius: vec![0.0; nu], exact: false, known: false }
     }
 
     /// Takes the elements of `u`, NaN standing for a missing one.

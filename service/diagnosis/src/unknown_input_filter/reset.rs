@@ -3,6 +3,7 @@
 use super::{
     bank::UnknownInputFilterBank,
     filter::{reset_by_strip, state_bound},
+    mode_filter::ModeFilter,
     options::ResetRule,
     parity_window::ParityWindow,
 };
@@ -27,14 +28,10 @@ impl UnknownInputFilterBank {
         let mut any = false;
         for i in 0..self.modes.len() {
             let wrong = self.alarm(i) && self.rules.reset != ResetRule::None;
-            if self.modes[i].filter.is_none() || !(wrong || self.state.sets[i].void) {
+            if !self.has_guaranteed_set(i) || !(wrong || self.state.sets[i].void) {
                 continue;
             }
-            let source = if self.survives(i) {
-                self.source_for_survivor(i)
-            } else {
-                self.source()
-            };
+            let source = if self.survives(i) { self.source_for_survivor(i) } else { self.source() };
             any |= source.is_some();
             self.take_set(i, source);
         }
@@ -44,6 +41,10 @@ impl UnknownInputFilterBank {
     /// Ends an episode: every mode but a sole survivor takes a set that holds whatever happened, all flags are
     /// cleared. Returns false, with nothing changed, when there is no such set or resets are switched off.
     pub(super) fn end_episode(&mut self) -> bool {
+        if !(0..self.modes.len()).any(|i| self.has_guaranteed_set(i)) {
+            self.clear_flags();
+            return true;
+        }
         let survivors = (0..self.modes.len()).filter(|&i| self.survives(i)).count();
         let Some(source) = self.source().filter(|_| self.rules.reset != ResetRule::None) else {
             return false;
@@ -53,24 +54,30 @@ impl UnknownInputFilterBank {
         }
         let sole = (0..self.modes.len()).find(|&i| survivors == 1 && self.survives(i));
         for i in 0..self.modes.len() {
-            if self.modes[i].filter.is_some() && Some(i) != sole {
+            if self.has_guaranteed_set(i) && Some(i) != sole {
                 match source {
                     Source::Hull => self.state.sets[i].set_box(&self.hull.centre, &self.hull.radius),
                     _ => self.take_set(i, Some(source)),
                 }
             }
         }
+        self.clear_flags();
+        true
+    }
+
+    fn clear_flags(&mut self) {
         self.state.windows.iter_mut().for_each(ParityWindow::restart);
         self.state.falsified.fill(false);
         self.state.quiet = 0;
-        true
+    }
+
+    fn has_guaranteed_set(&self, i: usize) -> bool {
+        self.modes[i].filter.as_ref().is_some_and(ModeFilter::is_guaranteed)
     }
 
     /// Source of a set that contains the state if some survivor is the truth.
     fn source(&self) -> Option<Source> {
-        self.strip_source()
-            .or_else(|| self.copy_source())
-            .or_else(|| self.box_source())
+        self.strip_source().or_else(|| self.copy_source()).or_else(|| self.box_source())
     }
 
     /// Source of a set for a mode that is itself a possible truth: another mode's set contains the state as well
@@ -114,13 +121,7 @@ impl UnknownInputFilterBank {
     fn take_set(&mut self, i: usize, source: Option<Source>) {
         match (source, &self.plant.strip, &self.plant.state_box) {
             (Some(Source::Strip), Some(strip), _) => {
-                reset_by_strip(
-                    &self.plant,
-                    strip,
-                    &self.measured.y,
-                    &mut self.state.sets[i],
-                    &mut self.work,
-                );
+                reset_by_strip(&self.plant, strip, &self.measured.y, &mut self.state.sets[i], &mut self.work);
             }
             (Some(Source::Mode(donor)), ..) if donor != i => {
                 if let Ok([target, donor]) = self.state.sets.get_disjoint_mut([i, donor]) {
