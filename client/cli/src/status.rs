@@ -18,15 +18,22 @@ pub fn run(monitor: &mut Monitor, json: bool) -> Result<u8, Error> {
     let Some(snapshot) = Snapshot::take(monitor)? else {
         return Ok(NO_DAEMON);
     };
-    let mut output = io::stdout().lock();
+    match write(&mut io::stdout().lock(), &snapshot, json) {
+        // The reader of a pipe has seen enough; the exit code counts all the same.
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => {}
+        outcome => outcome?,
+    }
+    Ok(exit_code(&snapshot))
+}
+
+fn write(output: &mut impl Write, snapshot: &Snapshot, json: bool) -> io::Result<()> {
     if json {
-        serde_json::to_writer_pretty(&mut output, &snapshot).map_err(io::Error::from)?;
+        serde_json::to_writer_pretty(&mut *output, snapshot)?;
         writeln!(output)?;
     } else {
-        write_text(&mut output, &snapshot)?;
+        write_text(output, snapshot)?;
     }
-    output.flush()?;
-    Ok(exit_code(&snapshot))
+    output.flush()
 }
 
 fn exit_code(snapshot: &Snapshot) -> u8 {
@@ -56,10 +63,7 @@ fn write_text(output: &mut impl Write, snapshot: &Snapshot) -> io::Result<()> {
     } = snapshot;
     writeln!(output, "instance {instance}: daemon {daemon}, process {pid}")?;
     if *daemon != "running" {
-        writeln!(
-            output,
-            "The daemon gives no sign of life; this is the last that it left."
-        )?;
+        writeln!(output, "This is the last that it left.")?;
     }
     if !snapshot.diagnosers.is_empty() {
         writeln!(output, "{}", diagnoser_table(&snapshot.diagnosers))?;

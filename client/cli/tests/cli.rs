@@ -80,7 +80,6 @@ impl Daemon {
         record.possibly_faulty = 0b11;
         record.channels_mut().copy_from_slice(channels);
         self.writer.publish(slot, &record);
-        self.writer.heartbeat(monotonic_ns());
     }
 
     fn publish_nominal(&mut self) {
@@ -234,7 +233,6 @@ fn of_several_instances_the_living_one_is_chosen_and_two_living_ones_must_be_nam
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output.stderr).contains("second, test"));
     second.close();
-    daemon.writer.heartbeat(monotonic_ns());
     assert!(text(&daemon.run(&["status"]).stdout).contains("instance test"));
 }
 
@@ -264,6 +262,19 @@ fn a_file_that_is_no_table_is_an_error() {
     let output = daemon.run(&["status", "--instance", "foreign"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(text(&output.stderr).contains("not a bounds table"));
+}
+
+#[test]
+fn a_reader_of_the_pipe_that_leaves_does_not_change_the_exit_code_of_status() {
+    let mut daemon = Daemon::start();
+    daemon.publish(0, 1, Verdict::Fault, &NOMINAL);
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let output = daemon.command(&["status"]).stdout(writer).output().unwrap();
+    assert_eq!(
+        (output.status.code(), text(&output.stderr)),
+        (Some(4), String::new())
+    );
 }
 
 /// A child that is killed when the test fails.
