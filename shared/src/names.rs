@@ -92,9 +92,10 @@ impl Instance {
         self.path("iox2")
     }
 
-    /// Prefix of the instance's iceoryx2 files and shared memory.
+    /// Prefix of the instance's iceoryx2 files and shared memory. The dots, which no instance name holds, keep
+    /// the prefix of one instance from being the beginning of another's.
     pub fn iceoryx_prefix(&self) -> String {
-        format!("residuald_{}_", self.name)
+        format!("residuald-iox.{}.", self.name)
     }
 
     /// iceoryx2 service on which the samples of one input travel; the last part is the payload's version.

@@ -2,6 +2,9 @@
 //!
 //! Fixed size, integers and floats only, so that it can lie in memory shared with other processes.
 
+#[cfg(feature = "transport")]
+use iceoryx2::prelude::ZeroCopySend;
+
 /// Largest number of channels in one record.
 ///
 /// 64 rows hold a bank of two single-fault filters with every row, parity window and fault estimate (30) and
@@ -13,6 +16,7 @@ pub const MAX_FAULTS: usize = 64;
 
 /// One row of a record: a residual between its bounds.
 #[repr(C)]
+#[cfg_attr(feature = "transport", derive(ZeroCopySend))]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Channel {
     /// Lower bound of the residual, in the channel's unit.
@@ -135,6 +139,11 @@ pub mod flags {
 ///
 /// Faults are counted from 0 in the order of the diagnoser's fault names; bit j of a fault set is fault j.
 #[repr(C)]
+#[cfg_attr(
+    feature = "transport",
+    derive(ZeroCopySend),
+    type_name("residual.StepRecord.v1")
+)]
 #[derive(Clone, Copy, Debug)]
 pub struct StepRecord {
     /// Number of the sampling instant since the daemon's epoch.

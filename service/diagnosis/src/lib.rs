@@ -4,3 +4,6 @@
 //! from a model and its options and then [stepped](diagnoser::Diagnoser::step) at every sampling instant.
 
 pub mod diagnoser;
+pub mod discretise;
+pub mod model;
+pub mod unknown_input_filter;
