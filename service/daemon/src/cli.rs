@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand, ValueEnum};
 use miette::{IntoDiagnostic, Report};
 
-use crate::commands::{check, replay, run};
+use crate::commands::{check, identify, replay, run};
 use crate::configuration::Configuration;
 use crate::demo::client::ClientArguments;
 use crate::demo::conductor::DemoArguments;
@@ -56,6 +56,8 @@ pub enum Command {
     Demo(DemoArguments),
     /// Replay a recording instead of sensors, in this process or through a running daemon.
     Replay(replay::ReplayArguments),
+    /// Identify disturbance and noise bounds from a fault-free recording.
+    Identify(identify::IdentifyArguments),
     /// The publisher of the demonstration.
     #[command(hide = true)]
     DemoPublisher(PublisherArguments),
@@ -76,6 +78,7 @@ impl CommandLine {
             Command::Check { configuration } => check::execute(&configuration, &mut io::stdout().lock()),
             Command::Demo(arguments) => conductor::execute(&arguments).into_diagnostic(),
             Command::Replay(arguments) => replay::execute(&arguments).map_err(Report::new),
+            Command::Identify(arguments) => identify::execute(&arguments),
             Command::DemoPublisher(arguments) => publisher::execute(&arguments).into_diagnostic(),
             Command::DemoClient(arguments) => {
                 client::execute(&arguments, &mut io::stdout().lock()).into_diagnostic()
