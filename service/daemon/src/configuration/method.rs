@@ -8,7 +8,6 @@ use residual_diagnosis::model::{LinearModel, ModelError, ModelOptions};
 use residual_diagnosis::unknown_input_filter::UnknownInputFilterBank;
 use residual_diagnosis::unknown_input_filter::checks::{CheckError, check_modes};
 use residual_diagnosis::unknown_input_filter::error::ConstructionError;
-use residual_diagnosis::unknown_input_filter::modes::enumerate_modes;
 use residual_diagnosis::unknown_input_filter::options::UnknownInputFilterOptions;
 use residual_diagnosis::unknown_input_filter::options_error::OptionsError;
 use std::collections::HashSet;
@@ -86,11 +85,11 @@ impl From<ConstructionError> for MethodError {
     fn from(error: ConstructionError) -> Self {
         let key = match error {
             ConstructionError::Options(error) => return error.into(),
-            ConstructionError::Certificate(_) | ConstructionError::CertificateWithoutMode { .. } => {
-                "parity.certificates"
-            }
+            ConstructionError::Certificate(_) => "parity.certificates",
             ConstructionError::TooManyChannels { .. } => "filter.publish",
-            ConstructionError::NoStableFixedGain { .. } => "filter.gain",
+            ConstructionError::NoStableFixedGain { .. }
+            | ConstructionError::FixedGainWithoutMode { .. }
+            | ConstructionError::FixedGainShape { .. } => "filter.gain",
             _ => "method",
         };
         Self::new(key.to_owned(), &error.to_string())
@@ -138,8 +137,7 @@ impl MethodConfiguration {
                     .iter()
                     .map(|actuator| actuator.name.as_str())
                     .collect();
-                let pairs = options.bank.simultaneous_faults.contains(&2);
-                let modes = enumerate_modes(model.actuator_count(), options.bank.fault_free_mode, pairs);
+                let modes = options.bank.modes(model.actuator_count());
                 let report = check_modes(&model, options, &modes)?;
                 let mut warnings: Vec<_> = report.warnings.iter().map(ToString::to_string).collect();
                 warnings.extend(unknown_input_filter_warnings(options));
@@ -169,8 +167,8 @@ impl MethodConfiguration {
 
 fn unknown_input_filter_warnings(options: &UnknownInputFilterOptions) -> Vec<String> {
     let mut warnings = Vec::new();
-    let certificates = options.parity.certificates.as_ref().map_or(0, Vec::len);
-    if certificates == 0 && !options.parity.lengths.is_empty() {
+    let certificates = options.parity.certificates.as_deref().unwrap_or_default();
+    if certificates.is_empty() && !options.parity.lengths.is_empty() {
         warnings.push(
             "`parity.lengths` asks for tests over windows, but there are no certificates for them: only the \
              one-step tests run"
