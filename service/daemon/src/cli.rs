@@ -1,10 +1,19 @@
 //! The command line: one subcommand, one file in [`crate::commands`].
 
-use crate::commands::check;
-use clap::{Parser, Subcommand};
-use miette::Report;
+use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
+
+use clap::{Parser, Subcommand, ValueEnum};
+use miette::{IntoDiagnostic, Report};
+
+use crate::commands::{check, replay, run};
+use crate::configuration::Configuration;
+use crate::demo::client::ClientArguments;
+use crate::demo::conductor::DemoArguments;
+use crate::demo::publisher::PublisherArguments;
+use crate::demo::{client, conductor, publisher};
+use crate::logging;
 
 /// Fault-diagnosis monitor for vehicle computers.
 #[derive(Debug, Parser)]
@@ -15,21 +24,62 @@ pub struct CommandLine {
     pub command: Command,
 }
 
+/// How the summary of a run is printed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum SummaryFormat {
+    /// For people.
+    Text,
+    /// One line of JSON.
+    Json,
+}
+
 /// The subcommands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Run the monitor until SIGTERM, SIGINT or SIGHUP; then print what it did.
+    Run {
+        /// The configuration file (TOML); `-` reads it from standard input.
+        configuration: PathBuf,
+        /// Speed of the daemon's time, for replays: seconds of it per second of the clock.
+        #[arg(long, default_value_t = 1.0)]
+        speed: f64,
+        /// Form of the summary on standard output.
+        #[arg(long, value_enum, default_value = "text")]
+        summary: SummaryFormat,
+    },
     /// Check a configuration without starting anything: exit code 0 if the daemon would accept it, otherwise 1.
     Check {
         /// The configuration file (TOML).
         configuration: PathBuf,
     },
+    /// Demonstrate: publisher, daemon and client in processes of their own, a fault, and its isolation.
+    Demo(DemoArguments),
+    /// Replay a recording instead of sensors, in this process or through a running daemon.
+    Replay(replay::ReplayArguments),
+    /// The publisher of the demonstration.
+    #[command(hide = true)]
+    DemoPublisher(PublisherArguments),
+    /// The client of the demonstration.
+    #[command(hide = true)]
+    DemoClient(ClientArguments),
 }
 
 impl CommandLine {
     /// Executes the command; a failure is reported on standard error and gives the exit code 1.
     pub fn execute(self) -> ExitCode {
         let result = match self.command {
-            Command::Check { configuration } => check::execute(&configuration, &mut std::io::stdout().lock()),
+            Command::Run {
+                configuration,
+                speed,
+                summary,
+            } => execute_run(&configuration, speed, summary),
+            Command::Check { configuration } => check::execute(&configuration, &mut io::stdout().lock()),
+            Command::Demo(arguments) => conductor::execute(&arguments).into_diagnostic(),
+            Command::Replay(arguments) => replay::execute(&arguments).map_err(Report::new),
+            Command::DemoPublisher(arguments) => publisher::execute(&arguments).into_diagnostic(),
+            Command::DemoClient(arguments) => {
+                client::execute(&arguments, &mut io::stdout().lock()).into_diagnostic()
+            }
         };
         match result {
             Ok(()) => ExitCode::SUCCESS,
@@ -39,6 +89,23 @@ impl CommandLine {
             }
         }
     }
+}
+
+fn execute_run(path: &std::path::Path, speed: f64, format: SummaryFormat) -> Result<(), Report> {
+    let loaded = if path.as_os_str() == "-" {
+        let text = io::read_to_string(io::stdin()).into_diagnostic()?;
+        Configuration::from_text("standard input", &text)?
+    } else {
+        Configuration::from_file(path)?
+    };
+    let _log = logging::start(&loaded.configuration.daemon.log).into_diagnostic()?;
+    let diagnosers = loaded.build_diagnosers()?;
+    let summary = run::run(&loaded.configuration, diagnosers, speed).into_diagnostic()?;
+    match format {
+        SummaryFormat::Text => println!("{summary}"),
+        SummaryFormat::Json => println!("{}", serde_json::to_string(&summary).into_diagnostic()?),
+    }
+    Ok(())
 }
 
 /// Writes a failure with its places and its help to standard error.

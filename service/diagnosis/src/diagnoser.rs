@@ -51,8 +51,8 @@ pub trait Diagnoser: Send {
     /// scheduling flags are the caller's. Slices of a wrong length count as missing as a whole.
     fn step(&mut self, input: &StepInput<'_>, record: &mut StepRecord);
 
-    /// Tells that one sampling instant passes without a step and a record, as if every sample of it were missing.
-    fn skip(&mut self);
+    /// Tells that one sampling instant passes without a step, as if every sample of it were missing.
+    fn skip(&mut self, record: &mut StepRecord);
 
     /// Returns to the state right after construction.
     fn reset(&mut self);

@@ -1,0 +1,148 @@
+//! `residuald run`: the daemon.
+
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use residual_shared::bounds_table::{Access, CreateError, TableWriter};
+use residual_shared::clock::{DaemonTime, monotonic_ns};
+use residual_shared::names::Instance;
+use residual_shared::transport::{self, SampleSubscriber, TransportError};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::flag;
+use tracing::{info, warn};
+
+use crate::assembly::{assemble, descriptions, log_names, table_spec};
+use crate::configuration::{BuiltDiagnoser, Configuration};
+use crate::runtime::companion::Companion;
+use crate::runtime::live::{Publication, StepLoop};
+use crate::runtime::lock::{InstanceLock, LockError};
+use crate::runtime::real_time;
+use crate::summary::Summary;
+
+/// From start-up to the epoch of the schedule: lets everything settle before the first step.
+const HEAD_START_NS: u64 = 20_000_000;
+
+/// Why the daemon could not run.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// Another daemon has the instance, or its lock is not to be had.
+    #[error(transparent)]
+    Lock(#[from] LockError),
+    /// iceoryx2 refused.
+    #[error(transparent)]
+    Transport(#[from] TransportError),
+    /// The bounds table could not be created.
+    #[error(transparent)]
+    Table(#[from] CreateError),
+    /// Signal handlers could not be installed.
+    #[error("cannot install signal handlers: {0}")]
+    Signals(io::Error),
+    /// The speed is not a positive number.
+    #[error("the speed {0} is not possible; use a number above 0, for example 1 or 4")]
+    Speed(f64),
+}
+
+/// Runs the daemon until it is told to stop (SIGTERM, SIGINT, SIGHUP); a second signal ends it at once.
+///
+/// With a `speed` other than 1 the daemon's time runs faster or slower than the clock, for replays.
+pub fn run(
+    configuration: &Configuration,
+    diagnosers: Vec<BuiltDiagnoser>,
+    speed: f64,
+) -> Result<Summary, RunError> {
+    if !(speed > 0.0 && speed.is_finite()) {
+        return Err(RunError::Speed(speed));
+    }
+    let stop = stop_flag().map_err(RunError::Signals)?;
+    let instance = configuration.daemon.instance();
+    let _lock = InstanceLock::take(&instance)?;
+    transport::remove_leftovers(&instance)?;
+    let summary = monitor(configuration, diagnosers, speed, &instance, &stop)?;
+    transport::remove_leftovers(&instance)?;
+    Ok(summary)
+}
+
+/// Everything between taking the instance and giving it back.
+fn monitor(
+    configuration: &Configuration,
+    diagnosers: Vec<BuiltDiagnoser>,
+    speed: f64,
+    instance: &Instance,
+    stop: &AtomicBool,
+) -> Result<Summary, RunError> {
+    for (configured, built) in configuration.diagnosers.iter().zip(&diagnosers) {
+        for warning in &built.warnings {
+            warn!(diagnoser = configured.name, "{warning}");
+        }
+    }
+    let node = transport::open_node(instance)?;
+    let subscribers = configuration
+        .inputs
+        .iter()
+        .map(|input| {
+            SampleSubscriber::create(
+                &node,
+                instance,
+                &input.name,
+                input.buffer_samples,
+                input.max_publishers,
+            )
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+
+    let descriptions = descriptions(&diagnosers);
+    let (sender, receiver) = rtrb::RingBuffer::new(configuration.daemon.record_queue);
+    let names = log_names(configuration, &descriptions);
+    let companion = Companion::start(instance.clone(), names, receiver)?;
+    // After the companion, which shall keep the usual scheduling, and before the epoch: locking memory takes
+    // longer than a sampling period.
+    real_time::apply(&configuration.realtime);
+
+    let time = DaemonTime {
+        origin_ns: monotonic_ns(),
+        speed,
+    };
+    let epoch_ns = time.from_monotonic(time.origin_ns + HEAD_START_NS);
+    let engine = assemble(configuration, diagnosers, epoch_ns, speed);
+
+    let access = Access {
+        group: configuration.daemon.group,
+        mode: configuration.daemon.mode,
+    };
+    let spec = table_spec(configuration, &descriptions, time, epoch_ns);
+    let table = TableWriter::create(&instance.bounds_path(), &spec, &access)?;
+    let publication = Publication::new(
+        table,
+        sender,
+        configuration.inputs.len(),
+        configuration.diagnosers.len(),
+    );
+    info!(
+        instance = %instance.name,
+        table = %instance.bounds_path().display(),
+        diagnosers = configuration.diagnosers.len(),
+        "running"
+    );
+    let engine = StepLoop {
+        engine,
+        subscribers,
+        publication,
+        time,
+        stop,
+    }
+    .run();
+    drop(companion);
+    info!("stopped");
+    Ok(Summary::of(configuration, &engine))
+}
+
+fn stop_flag() -> Result<Arc<AtomicBool>, io::Error> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [SIGTERM, SIGINT, SIGHUP] {
+        // In this order: the first signal finds the flag unset and sets it, the second one ends the process.
+        flag::register_conditional_shutdown(signal, 1, Arc::clone(&stop))?;
+        flag::register(signal, Arc::clone(&stop))?;
+    }
+    Ok(stop)
+}

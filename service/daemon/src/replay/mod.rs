@@ -1,0 +1,21 @@
+//! Replay: a recording feeds the inputs instead of sensors.
+//!
+//! Two ways share everything but the clock: [`simulated`] steps the engine in this process as fast as it can,
+//! [`through_daemon`] publishes over iceoryx2 to a running daemon at the recorded pace. Without late samples
+//! both give the same records to the last bit.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`recording`] | a CSV file in memory, split into runs |
+//! | [`injection`] | faults written into a recording |
+//! | [`mapping`] | recording → timed samples of the configured inputs |
+//! | [`records`] | step records to CSV |
+//! | [`outcome`] | what the records of a run say: false alarms, detection, isolation |
+
+pub mod injection;
+pub mod mapping;
+pub mod outcome;
+pub mod recording;
+pub mod records;
+pub mod simulated;
+pub mod through_daemon;

@@ -1,0 +1,272 @@
+//! The door of one input: checks every sample, counts every rejection, keeps the samples until they are due.
+
+use residual_shared::counters::InputCounters;
+use residual_shared::sample::SampleHeader;
+
+/// Who sent the previous sample and which number it carried.
+#[derive(Clone, Copy, Debug)]
+struct LastSequence {
+    publisher: u128,
+    sequence: u64,
+}
+
+/// The samples of one input that may still be needed, oldest first, and the counters of its door.
+///
+/// Everything is allocated at construction. A sample that does not fit is rejected as a whole and counted; a
+/// sample is never changed.
+#[derive(Debug)]
+pub struct Inbox {
+    signal_count: usize,
+    max_ahead_ns: u64,
+    /// Ring of time stamps, and of `signal_count` elements for each of them.
+    stamps: Vec<u64>,
+    elements: Vec<f64>,
+    first: usize,
+    len: usize,
+    newest_stamp_ns: Option<u64>,
+    last_sequence: Option<LastSequence>,
+    /// Latest sampling instant for which this input has been handed out.
+    handed_until_ns: u64,
+    counters: InputCounters,
+}
+
+impl Inbox {
+    /// An empty inbox for samples of `signal_count` elements that keeps `capacity` of them (at least one) and
+    /// refuses stamps more than `max_ahead_ns` in the future.
+    pub fn new(signal_count: usize, capacity: usize, max_ahead_ns: u64) -> Self {
+        let capacity = capacity.max(1);
+        Self {
+            signal_count,
+            max_ahead_ns,
+            stamps: vec![0; capacity],
+            elements: vec![0.0; capacity * signal_count],
+            first: 0,
+            len: 0,
+            newest_stamp_ns: None,
+            last_sequence: None,
+            handed_until_ns: 0,
+            counters: InputCounters::default(),
+        }
+    }
+
+    /// What happened at the door so far.
+    pub fn counters(&self) -> &InputCounters {
+        &self.counters
+    }
+
+    /// Takes or rejects one sample that arrived at `now_ns` (daemon's time).
+    pub fn accept(&mut self, publisher: u128, header: SampleHeader, elements: &[f64], now_ns: u64) {
+        if !self.follow_sequence(publisher, &header) {
+            return;
+        }
+        let stamp = header.timestamp_ns;
+        let rejected = if elements.len() != self.signal_count {
+            &mut self.counters.wrong_length
+        } else if !elements.iter().all(|element| element.is_finite()) {
+            &mut self.counters.non_finite
+        } else if stamp > now_ns.saturating_add(self.max_ahead_ns) {
+            &mut self.counters.too_far_ahead
+        } else if self.newest_stamp_ns.is_some_and(|newest| stamp <= newest) {
+            &mut self.counters.backward
+        } else {
+            self.keep(stamp, elements);
+            return;
+        };
+        *rejected += 1;
+    }
+
+    /// Counts losses and changes of the publisher; false when the sample was seen before.
+    fn follow_sequence(&mut self, publisher: u128, header: &SampleHeader) -> bool {
+        let sequence = header.sequence;
+        match self.last_sequence {
+            Some(last) if last.publisher == publisher => {
+                let newer_stamp = self
+                    .newest_stamp_ns
+                    .is_none_or(|newest| header.timestamp_ns > newest);
+                if sequence == last.sequence || (sequence < last.sequence && !newer_stamp) {
+                    self.counters.duplicate += 1;
+                    return false;
+                }
+                if sequence < last.sequence {
+                    // The driver began to count anew without re-opening its port.
+                    self.counters.publisher_changes += 1;
+                } else if sequence > last.sequence + 1 {
+                    self.counters.gaps += 1;
+                    self.counters.lost += sequence - last.sequence - 1;
+                }
+            }
+            Some(_) => self.counters.publisher_changes += 1,
+            None => {}
+        }
+        self.last_sequence = Some(LastSequence { publisher, sequence });
+        true
+    }
+
+    fn keep(&mut self, stamp: u64, elements: &[f64]) {
+        let capacity = self.stamps.len();
+        if self.len == capacity {
+            if self.stamps[self.first] > self.handed_until_ns {
+                self.counters.overwritten += 1;
+            }
+            self.first = (self.first + 1) % capacity;
+            self.len -= 1;
+        }
+        let place = (self.first + self.len) % capacity;
+        self.stamps[place] = stamp;
+        self.elements[place * self.signal_count..][..self.signal_count].copy_from_slice(elements);
+        self.len += 1;
+        self.newest_stamp_ns = Some(stamp);
+        self.counters.accepted += 1;
+        if stamp <= self.handed_until_ns {
+            self.counters.late += 1;
+        }
+    }
+
+    /// The newest sample stamped in (`after_ns`, `until_ns`], where `until_ns` is a sampling instant; samples
+    /// that arrive later for that instant will count as late.
+    pub fn hand_out(&mut self, after_ns: u64, until_ns: u64) -> Option<&[f64]> {
+        self.handed_until_ns = self.handed_until_ns.max(until_ns);
+        let capacity = self.stamps.len();
+        let place = (0..self.len)
+            .rev()
+            .map(|age| (self.first + age) % capacity)
+            .find(|&place| self.stamps[place] <= until_ns)?;
+        let fresh = self.stamps[place] > after_ns;
+        fresh.then(|| &self.elements[place * self.signal_count..][..self.signal_count])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NOW: u64 = 1_000;
+
+    fn inbox() -> Inbox {
+        Inbox::new(2, 4, 100)
+    }
+
+    fn send(inbox: &mut Inbox, sequence: u64, timestamp_ns: u64, elements: &[f64]) {
+        inbox.accept(
+            1,
+            SampleHeader {
+                sequence,
+                timestamp_ns,
+            },
+            elements,
+            NOW,
+        );
+    }
+
+    #[test]
+    fn a_window_gets_its_newest_sample_and_an_empty_window_none() {
+        let mut inbox = inbox();
+        send(&mut inbox, 0, 10, &[1.0, 1.0]);
+        send(&mut inbox, 1, 20, &[2.0, 2.0]);
+        send(&mut inbox, 2, 31, &[3.0, 3.0]);
+        assert_eq!(inbox.hand_out(0, 9), None);
+        assert_eq!(inbox.hand_out(0, 20), Some(&[2.0, 2.0][..]));
+        assert_eq!(inbox.hand_out(20, 30), None);
+        assert_eq!(inbox.hand_out(30, 40), Some(&[3.0, 3.0][..]));
+        assert_eq!(
+            inbox.counters(),
+            &InputCounters {
+                accepted: 3,
+                ..Default::default()
+            }
+        );
+    }
+
+    #[test]
+    fn each_kind_of_bad_sample_is_rejected_and_counted() {
+        let mut inbox = inbox();
+        send(&mut inbox, 0, 10, &[1.0, 1.0]);
+        send(&mut inbox, 0, 11, &[1.0, 1.0]);
+        send(&mut inbox, 1, 12, &[1.0]);
+        send(&mut inbox, 2, 13, &[1.0, f64::NAN]);
+        send(&mut inbox, 3, 14, &[f64::INFINITY, 1.0]);
+        send(&mut inbox, 4, 9, &[1.0, 1.0]);
+        send(&mut inbox, 5, NOW + 101, &[1.0, 1.0]);
+        let expected = InputCounters {
+            accepted: 1,
+            duplicate: 1,
+            wrong_length: 1,
+            non_finite: 2,
+            backward: 1,
+            too_far_ahead: 1,
+            ..Default::default()
+        };
+        assert_eq!(inbox.counters(), &expected);
+        assert_eq!(inbox.hand_out(0, NOW), Some(&[1.0, 1.0][..]));
+    }
+
+    #[test]
+    fn a_gap_in_the_numbers_is_a_counted_loss_also_when_rejected_samples_lie_around_it() {
+        let mut inbox = inbox();
+        send(&mut inbox, 7, 10, &[1.0, 1.0]);
+        send(&mut inbox, 11, 20, &[1.0, f64::NAN]);
+        send(&mut inbox, 12, 30, &[1.0, 1.0]);
+        assert_eq!((inbox.counters().gaps, inbox.counters().lost), (1, 3));
+    }
+
+    #[test]
+    fn a_new_publisher_and_a_renumbered_one_go_on_and_are_counted() {
+        let mut inbox = inbox();
+        send(&mut inbox, 50, 10, &[1.0, 1.0]);
+        inbox.accept(
+            2,
+            SampleHeader {
+                sequence: 0,
+                timestamp_ns: 20,
+            },
+            &[2.0, 2.0],
+            NOW,
+        );
+        inbox.accept(
+            2,
+            SampleHeader {
+                sequence: 9,
+                timestamp_ns: 30,
+            },
+            &[2.0, 2.0],
+            NOW,
+        );
+        inbox.accept(
+            2,
+            SampleHeader {
+                sequence: 0,
+                timestamp_ns: 40,
+            },
+            &[2.0, 2.0],
+            NOW,
+        );
+        assert_eq!(inbox.counters().publisher_changes, 2);
+        assert_eq!(inbox.counters().accepted, 4);
+        assert_eq!(inbox.counters().lost, 8);
+    }
+
+    #[test]
+    fn a_sample_for_a_stepped_instant_counts_as_late() {
+        let mut inbox = inbox();
+        send(&mut inbox, 0, 10, &[1.0, 1.0]);
+        inbox.hand_out(0, 20);
+        send(&mut inbox, 1, 20, &[1.0, 1.0]);
+        send(&mut inbox, 2, 21, &[1.0, 1.0]);
+        assert_eq!((inbox.counters().late, inbox.counters().accepted), (1, 3));
+    }
+
+    #[test]
+    fn a_full_inbox_drops_the_oldest_and_counts_it_only_if_nobody_had_seen_it() {
+        let mut inbox = inbox();
+        for sequence in 0..4 {
+            send(&mut inbox, sequence, 10 + sequence, &[sequence as f64, 0.0]);
+        }
+        inbox.hand_out(0, 11);
+        for sequence in 4..7 {
+            send(&mut inbox, sequence, 10 + sequence, &[sequence as f64, 0.0]);
+        }
+        assert_eq!(inbox.counters().overwritten, 1);
+        assert_eq!(inbox.hand_out(11, 12), None);
+        assert_eq!(inbox.hand_out(12, 13), Some(&[3.0, 0.0][..]));
+    }
+}
