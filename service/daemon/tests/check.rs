@@ -114,6 +114,35 @@ fn what_is_probably_not_meant_is_a_warning() {
 }
 
 #[test]
+fn certificates_are_used_and_refused_where_they_do_not_fit() {
+    // λ = (1, 0), μ_0 = -A'λ, μ_1 = λ: the second output never enters, the model holds exactly.
+    let certificate = "[[diagnoser.parity.certificates]]\nmode = []\nfault = 0\nL = 1\n\
+                       mu = [[-0.9, 0], [1, 0]]\nlambda = [[1, 0]]\n[diagnoser.missing]";
+    let good = SMALL.replace("[diagnoser.missing]", certificate);
+    let report = check_text(&good).stdout;
+    assert!(
+        text(&report).contains("parity") && !text(&report).contains("no certificates"),
+        "{}",
+        text(&report)
+    );
+    let altered = good.replace("-0.9", "-0.8");
+    let without_mode = good.replace(
+        "[diagnoser.missing]",
+        "[diagnoser.bank]\nfault_free_mode = false\n[diagnoser.missing]",
+    );
+    for (bad, words) in [(altered, "equality"), (without_mode, "mode []")] {
+        let mistakes = mistakes_of(&bad);
+        assert_eq!(mistakes.len(), 1, "{mistakes:?}");
+        assert_eq!(
+            mistakes[0].line,
+            line_of(&bad, "[[diagnoser.parity.certificates]]"),
+            "{mistakes:?}"
+        );
+        assert!(mistakes[0].message.contains(words), "{mistakes:?}");
+    }
+}
+
+#[test]
 fn conditions_of_the_method_are_refused_at_their_place() {
     assert!(mistakes_of(SMALL).is_empty(), "{:?}", mistakes_of(SMALL));
     let invisible = SMALL.replace("B = [[1, 0], [0, 1]]", "B = [[1, 0], [0, 0]]");

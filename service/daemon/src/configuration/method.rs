@@ -8,7 +8,6 @@ use residual_diagnosis::model::{LinearModel, ModelError, ModelOptions};
 use residual_diagnosis::unknown_input_filter::UnknownInputFilterBank;
 use residual_diagnosis::unknown_input_filter::checks::{CheckError, check_modes};
 use residual_diagnosis::unknown_input_filter::error::ConstructionError;
-use residual_diagnosis::unknown_input_filter::modes::FaultMode;
 use residual_diagnosis::unknown_input_filter::options::UnknownInputFilterOptions;
 use residual_diagnosis::unknown_input_filter::options_error::OptionsError;
 use std::collections::HashSet;
@@ -141,7 +140,7 @@ impl MethodConfiguration {
                 let modes = options.bank.modes(model.actuator_count());
                 let report = check_modes(&model, options, &modes)?;
                 let mut warnings: Vec<_> = report.warnings.iter().map(ToString::to_string).collect();
-                warnings.extend(unknown_input_filter_warnings(options, &modes));
+                warnings.extend(unknown_input_filter_warnings(options));
                 let modes: Vec<_> = modes.iter().map(|mode| mode.describe(&names)).collect();
                 let notes = vec![("fault modes", modes.join(", "))];
                 let diagnoser = Box::new(UnknownInputFilterBank::new(model, options)?);
@@ -166,7 +165,7 @@ impl MethodConfiguration {
     }
 }
 
-fn unknown_input_filter_warnings(options: &UnknownInputFilterOptions, modes: &[FaultMode]) -> Vec<String> {
+fn unknown_input_filter_warnings(options: &UnknownInputFilterOptions) -> Vec<String> {
     let mut warnings = Vec::new();
     let certificates = options.parity.certificates.as_deref().unwrap_or_default();
     if certificates.is_empty() && !options.parity.lengths.is_empty() {
@@ -175,16 +174,6 @@ fn unknown_input_filter_warnings(options: &UnknownInputFilterOptions, modes: &[F
              one-step tests run"
                 .to_owned(),
         );
-    }
-    let foreign = certificates
-        .iter()
-        .filter(|certificate| !modes.contains(&certificate.mode))
-        .count();
-    if foreign > 0 {
-        warnings.push(format!(
-            "{foreign} of the {} `parity.certificates` are for modes that the bank does not have, and are not used",
-            certificates.len()
-        ));
     }
     if options.filter.fault_of_interest.is_none() {
         warnings.push(
