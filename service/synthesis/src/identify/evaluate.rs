@@ -66,7 +66,10 @@ impl<'a> Evaluator<'a> {
         noise_scales: &[f64],
         report: &mut dyn FnMut(usize),
     ) -> Result<StepOutcome, IdentifyError> {
-        let nominal = self.model.v().component_mul(&DVector::from_column_slice(noise_scales));
+        let nominal = self
+            .model
+            .v()
+            .component_mul(&DVector::from_column_slice(noise_scales));
         let mut scales = Vec::with_capacity(self.training.len());
         let mut excess = DVector::from_element(nominal.len(), 1.0);
         for (run, pieces) in self.training.iter().enumerate() {
@@ -83,7 +86,10 @@ impl<'a> Evaluator<'a> {
             report(run + 1);
         }
         let measurement = self.rounded(&nominal.component_mul(&excess));
-        let bounds = NoiseBounds { disturbance: self.disturbance_bound(scales.iter()), measurement };
+        let bounds = NoiseBounds {
+            disturbance: self.disturbance_bound(scales.iter()),
+            measurement,
+        };
         let left_out_failures = self.left_out_failures(&scales, &bounds)?;
         let mut validation_factors = Vec::with_capacity(self.validation.len());
         for (run, pieces) in self.validation.iter().enumerate() {
@@ -94,10 +100,15 @@ impl<'a> Evaluator<'a> {
         let logarithms: Vec<f64> = floors.iter().flatten().map(|floor| floor.ln()).collect();
         let mean = logarithms.iter().sum::<f64>() / logarithms.len() as f64;
         Ok(StepOutcome::Bounds(StepBounds {
-            deciding_runs: (0..bounds.disturbance.len()).map(|j| deciding_run(&scales, j)).collect(),
+            deciding_runs: (0..bounds.disturbance.len())
+                .map(|j| deciding_run(&scales, j))
+                .collect(),
             bounds,
             left_out_failures,
-            inconsistent_validation_runs: validation_factors.iter().filter(|factor| exceeds_one(**factor)).count(),
+            inconsistent_validation_runs: validation_factors
+                .iter()
+                .filter(|factor| exceeds_one(**factor))
+                .count(),
             validation_factors,
             floors,
             mean_floor: mean.exp(),
@@ -117,7 +128,10 @@ impl<'a> Evaluator<'a> {
                     exceeded = exceeded.sup(&(need.noise * (1.0 - NOISE_RESERVE)));
                 }
                 Err(TrajectoryError::Solver(error @ LinearProgramError::Infeasible { .. })) => {
-                    let need = self.plant.explain(piece, &Goal::NoiseFactor(noise)).map_err(failure)?;
+                    let need = self
+                        .plant
+                        .explain(piece, &Goal::NoiseFactor(noise))
+                        .map_err(failure)?;
                     let factor = need.noise.max();
                     if factor <= 1.0 {
                         return Err(failure(TrajectoryError::Solver(error)));
@@ -152,11 +166,22 @@ impl<'a> Evaluator<'a> {
         }
         let mut failures = 0;
         for (run, own) in scales.iter().enumerate() {
-            let others = scales.iter().enumerate().filter(|(other, _)| *other != run).map(|(_, scale)| scale);
+            let others = scales
+                .iter()
+                .enumerate()
+                .filter(|(other, _)| *other != run)
+                .map(|(_, scale)| scale);
             let disturbance = self.disturbance_bound(others);
             let needed = own.component_mul(self.model.w());
-            if needed.iter().zip(&disturbance).any(|(needed, bound)| needed > bound) {
-                let bounds = NoiseBounds { disturbance, measurement: bounds.measurement.clone() };
+            if needed
+                .iter()
+                .zip(&disturbance)
+                .any(|(needed, bound)| needed > bound)
+            {
+                let bounds = NoiseBounds {
+                    disturbance,
+                    measurement: bounds.measurement.clone(),
+                };
                 let factor = self.consistency(self.training_names[run], &self.training[run], &bounds)?;
                 failures += usize::from(exceeds_one(factor));
             }
@@ -172,7 +197,12 @@ impl<'a> Evaluator<'a> {
             let need = plant
                 .explain(piece, &Goal::CommonFactor(&bounds.measurement))
                 .map_err(|error| trajectory_failure(name, error))?;
-            factor = need.disturbances.iter().chain(&need.noise).copied().fold(factor, f64::max);
+            factor = need
+                .disturbances
+                .iter()
+                .chain(&need.noise)
+                .copied()
+                .fold(factor, f64::max);
         }
         Ok(factor)
     }
@@ -194,7 +224,9 @@ impl<'a> Evaluator<'a> {
         }
         match floors.iter().flatten().next() {
             Some(_) => Ok(floors),
-            None => Err(IdentifyError::NothingDetectable { window: self.options.window }),
+            None => Err(IdentifyError::NothingDetectable {
+                window: self.options.window,
+            }),
         }
     }
 }
@@ -213,8 +245,10 @@ fn trajectory_failure(run: &str, error: TrajectoryError) -> IdentifyError {
     let run = run.to_owned();
     match error {
         TrajectoryError::Solver(source) => IdentifyError::Solver { run, source },
-        TrajectoryError::Unverified { residual, status } => {
-            IdentifyError::Unverified { run, residual, status }
-        }
+        TrajectoryError::Unverified { residual, status } => IdentifyError::Unverified {
+            run,
+            residual,
+            status,
+        },
     }
 }

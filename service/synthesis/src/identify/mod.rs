@@ -37,8 +37,8 @@ pub use report::{Identification, LadderStep, StepBounds, StepOutcome};
 pub use run_data::RunData;
 
 use evaluate::Evaluator;
-use search::Search;
 use residual_diagnosis::model::LinearModel;
+use search::Search;
 
 /// How far an identification has come.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,7 +74,11 @@ pub fn identify_bounds(
     if let Some(output) = model.v().iter().position(|&bound| bound <= 0.0) {
         return Err(IdentifyError::NoNoiseBound { output });
     }
-    let mut search = Search::new(Evaluator::new(model, training, validation, options)?, options, progress);
+    let mut search = Search::new(
+        Evaluator::new(model, training, validation, options)?,
+        options,
+        progress,
+    );
     for level in 0..options.noise_scales.len() {
         search.evaluate(vec![level; model.output_count()])?;
     }

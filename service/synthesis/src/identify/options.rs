@@ -67,7 +67,12 @@ impl IdentifyOptions {
                 (1..=15).contains(&self.significant_digits),
                 "use 1 to 15",
             ),
-            ("window", self.window.to_string(), self.window > 0, "use at least one transition"),
+            (
+                "window",
+                self.window.to_string(),
+                self.window > 0,
+                "use at least one transition",
+            ),
         ];
         match checks.into_iter().find(|check| !check.2) {
             None => Ok(()),
