@@ -14,7 +14,8 @@ use residual_diagnosis::unknown_input_filter::modes::FaultMode;
 /// What a factor may exceed 1 by and still count as consistent: the accuracy of the solver.
 const FACTOR_TOLERANCE: f64 = 1e-7;
 
-/// The programs get noise bounds this much smaller, so that the checked trajectory keeps the bound itself.
+/// The programs get noise bounds this much smaller, so that the checked trajectory keeps the bound itself and
+/// rounding does not add a digit.
 const NOISE_RESERVE: f64 = 1e-7;
 
 /// Model, recordings and options of an identification.
@@ -30,7 +31,7 @@ pub(super) struct Evaluator<'a> {
 
 /// What one training run needs at given noise scales.
 enum RunNeed {
-    /// Its disturbance scales, and by what factor (>= 1) it exceeds each noise bound.
+    /// Its disturbance scales, and what it uses of each noise bound, relative to it.
     Scales(DVector<f64>, DVector<f64>),
     /// No disturbance explains it; the smallest common factor of the noise bounds that would.
     Infeasible(f64),
@@ -71,12 +72,12 @@ impl<'a> Evaluator<'a> {
             .v()
             .component_mul(&DVector::from_column_slice(noise_scales));
         let mut scales = Vec::with_capacity(self.training.len());
-        let mut excess = DVector::from_element(nominal.len(), 1.0);
+        let mut used = DVector::from_element(nominal.len(), 1.0 - NOISE_RESERVE);
         for (run, pieces) in self.training.iter().enumerate() {
             match self.needs(run, pieces, &nominal)? {
-                RunNeed::Scales(needed, exceeded) => {
+                RunNeed::Scales(needed, noise) => {
                     scales.push(needed);
-                    excess = excess.sup(&exceeded);
+                    used = used.sup(&noise);
                 }
                 RunNeed::Infeasible(factor) => {
                     let run = self.training_names[run].to_owned();
@@ -85,7 +86,7 @@ impl<'a> Evaluator<'a> {
             }
             report(run + 1);
         }
-        let measurement = self.rounded(&nominal.component_mul(&excess));
+        let measurement = self.rounded(&nominal.component_mul(&used));
         let bounds = NoiseBounds {
             disturbance: self.disturbance_bound(scales.iter()),
             measurement,
@@ -119,13 +120,13 @@ impl<'a> Evaluator<'a> {
     fn needs(&self, run: usize, pieces: &[Piece], noise: &DVector<f64>) -> Result<RunNeed, IdentifyError> {
         let reduced = noise * (1.0 - NOISE_RESERVE);
         let mut scales = DVector::zeros(self.model.disturbance_count());
-        let mut exceeded = DVector::from_element(noise.len(), 1.0);
+        let mut used = DVector::zeros(noise.len());
         for piece in pieces {
             let failure = |error| trajectory_failure(self.training_names[run], error);
             match self.plant.explain(piece, &Goal::SmallestDisturbances(&reduced)) {
                 Ok(need) => {
                     scales = scales.sup(&need.disturbances);
-                    exceeded = exceeded.sup(&(need.noise * (1.0 - NOISE_RESERVE)));
+                    used = used.sup(&(need.noise * (1.0 - NOISE_RESERVE)));
                 }
                 Err(TrajectoryError::Solver(error @ LinearProgramError::Infeasible { .. })) => {
                     let need = self
@@ -141,7 +142,7 @@ impl<'a> Evaluator<'a> {
                 Err(error) => return Err(failure(error)),
             }
         }
-        Ok(RunNeed::Scales(scales, exceeded))
+        Ok(RunNeed::Scales(scales, used))
     }
 
     /// The bound that follows from the scales of some runs.

@@ -8,6 +8,7 @@ use super::{IdentifyError, IdentifyOptions, Progress};
 pub(super) struct Search<'a> {
     evaluator: Evaluator<'a>,
     ladder: &'a [f64],
+    tolerated: usize,
     levels: Vec<Vec<usize>>,
     steps: Vec<LadderStep>,
     progress: &'a mut dyn FnMut(Progress),
@@ -22,6 +23,7 @@ impl<'a> Search<'a> {
         Self {
             evaluator,
             ladder: &options.noise_scales,
+            tolerated: options.tolerated_left_out_failures,
             levels: Vec::new(),
             steps: Vec::new(),
             progress,
@@ -61,9 +63,10 @@ impl<'a> Search<'a> {
                 StepOutcome::Bounds(found) => Some((index, found)),
                 StepOutcome::Infeasible { .. } => None,
             });
+        let failures = |step: &StepBounds| step.left_out_failures.unwrap_or(0).max(self.tolerated);
         feasible.min_by(|(_, a), (_, b)| {
-            a.left_out_failures
-                .cmp(&b.left_out_failures)
+            failures(a)
+                .cmp(&failures(b))
                 .then(a.mean_floor.total_cmp(&b.mean_floor))
         })
     }

@@ -162,7 +162,7 @@ impl<'a> Plant<'a> {
         let (nx, transitions) = (states.nrows(), piece.transitions());
         let next = states.columns(1, transitions);
         let present = states.columns(0, transitions);
-        let known = &next - a * present - b * &piece.commands;
+        let known = next - a * present - b * &piece.commands;
         let missed = &known - &self.d * &disturbances;
         disturbances += &self.d_inverse * missed;
         for mut row in disturbances.row_iter_mut().filter(|row| row.amax() <= NEGLIGIBLE) {
