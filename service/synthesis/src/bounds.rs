@@ -14,7 +14,10 @@ pub struct NoiseBounds {
 
 impl From<&LinearModel> for NoiseBounds {
     fn from(model: &LinearModel) -> Self {
-        Self { disturbance: model.w().clone(), measurement: model.v().clone() }
+        Self {
+            disturbance: model.w().clone(),
+            measurement: model.v().clone(),
+        }
     }
 }
 
@@ -36,7 +39,11 @@ pub fn round_up(value: f64, digits: usize) -> f64 {
         return value;
     };
     (0..=2)
-        .filter_map(|up| format!("{}e{}", mantissa + up, exponent - digits as i32 + 1).parse::<f64>().ok())
+        .filter_map(|up| {
+            format!("{}e{}", mantissa + up, exponent - digits as i32 + 1)
+                .parse::<f64>()
+                .ok()
+        })
         .find(|&candidate| candidate >= value)
         .unwrap_or(value)
 }

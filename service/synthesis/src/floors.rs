@@ -160,8 +160,12 @@ pub fn solve(
     check(model, bounds, nominal_state, question)?;
     let (nx, ny, n) = (model.state_count(), model.output_count(), question.transitions());
     let mut program = LinearProgram::default();
-    let layout =
-        Layout { nx, ny, lambda: program.add_variables(nx * n), mu: program.add_variables(ny * (n + 1)) };
+    let layout = Layout {
+        nx,
+        ny,
+        lambda: program.add_variables(nx * n),
+        mu: program.add_variables(ny * (n + 1)),
+    };
     add_equalities(&mut program, model, question, &layout);
 
     let uncertainty = model.a_plus() * nominal_state;
@@ -200,7 +204,11 @@ pub fn solve(
         if error <= TOLERANCE {
             Ok(())
         } else {
-            Err(FloorError::Inaccurate { actuator, error, status: solution.status.clone() })
+            Err(FloorError::Inaccurate {
+                actuator,
+                error,
+                status: solution.status.clone(),
+            })
         }
     };
     accurate(gap)?;
@@ -220,9 +228,18 @@ fn check(
     nominal_state: &DVector<f64>,
     question: FloorQuestion,
 ) -> Result<(), FloorError> {
-    let FloorQuestion { mode, actuator, length, .. } = question;
+    let FloorQuestion {
+        mode,
+        actuator,
+        length,
+        ..
+    } = question;
     let count = model.actuator_count();
-    if let Some(actuator) = [actuator].into_iter().chain(mode.actuators()).find(|&j| j >= count) {
+    if let Some(actuator) = [actuator]
+        .into_iter()
+        .chain(mode.actuators())
+        .find(|&j| j >= count)
+    {
         return Err(FloorError::UnknownActuator { actuator, count });
     }
     if mode.contains(actuator) {
@@ -232,8 +249,16 @@ fn check(
         return Err(FloorError::EmptyWindow);
     }
     for (what, vector, expected) in [
-        ("the disturbance bound", &bounds.disturbance, model.disturbance_count()),
-        ("the measurement noise bound", &bounds.measurement, model.output_count()),
+        (
+            "the disturbance bound",
+            &bounds.disturbance,
+            model.disturbance_count(),
+        ),
+        (
+            "the measurement noise bound",
+            &bounds.measurement,
+            model.output_count(),
+        ),
         ("the nominal state magnitude", nominal_state, model.state_count()),
     ] {
         if vector.len() != expected || !vector.iter().all(|value| value.is_finite() && *value >= 0.0) {

@@ -107,7 +107,11 @@ impl LinearProgram {
     /// # Errors
     /// [`LinearProgramError`] when the solver reports no point that would be worth checking.
     pub fn solve(self) -> Result<Solution, LinearProgramError> {
-        let Self { cost, equalities, inequalities } = self;
+        let Self {
+            cost,
+            equalities,
+            inequalities,
+        } = self;
         let equality_count = equalities.right_hand_side.len();
         let inequality_count = inequalities.right_hand_side.len();
         let shifted = inequalities.row.iter().map(|row| row + equality_count);
@@ -129,9 +133,15 @@ impl LinearProgram {
             .build()
             .map_err(|error| failed(error.to_string()))?;
         let cones = [ZeroConeT(equality_count), NonnegativeConeT(inequality_count)];
-        let mut solver =
-            DefaultSolver::new(&no_quadratic_term, &cost, &matrix, &right_hand_side, &cones, settings)
-                .map_err(|error| failed(error.to_string()))?;
+        let mut solver = DefaultSolver::new(
+            &no_quadratic_term,
+            &cost,
+            &matrix,
+            &right_hand_side,
+            &cones,
+            settings,
+        )
+        .map_err(|error| failed(error.to_string()))?;
         solver.solve();
         let status = format!("{:?}", solver.solution.status);
         match solver.solution.status {
@@ -177,12 +187,18 @@ mod tests {
         let x = contradictory.add_variables(1);
         contradictory.at_most([(x, 1.0)], -1.0);
         contradictory.at_most([(x, -1.0)], -1.0);
-        assert!(matches!(contradictory.solve(), Err(LinearProgramError::Infeasible { .. })));
+        assert!(matches!(
+            contradictory.solve(),
+            Err(LinearProgramError::Infeasible { .. })
+        ));
 
         let mut unlimited = LinearProgram::default();
         let x = unlimited.add_variables(1);
         unlimited.add_cost(x, 1.0);
         unlimited.at_most([(x, 1.0)], 1.0);
-        assert!(matches!(unlimited.solve(), Err(LinearProgramError::Unbounded { .. })));
+        assert!(matches!(
+            unlimited.solve(),
+            Err(LinearProgramError::Unbounded { .. })
+        ));
     }
 }

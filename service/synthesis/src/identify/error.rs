@@ -58,7 +58,9 @@ pub enum IdentifyError {
         expected: usize,
     },
     /// An infinite value; a missing one is NaN.
-    #[error("run {run}, instant {instant}: element {element} of the {what} is infinite; write NaN for a missing value")]
+    #[error(
+        "run {run}, instant {instant}: element {element} of the {what} is infinite; write NaN for a missing value"
+    )]
     Infinite {
         /// Name of the run.
         run: String,

@@ -14,7 +14,8 @@ use residual_diagnosis::unknown_input_filter::modes::FaultMode;
 /// What a factor may exceed 1 by and still count as consistent: the accuracy of the solver.
 const FACTOR_TOLERANCE: f64 = 1e-7;
 
-/// The programs get noise bounds this much smaller, so that the checked trajectory keeps the bound itself.
+/// The programs get noise bounds this much smaller, so that the checked trajectory keeps the bound itself and
+/// rounding does not add a digit.
 const NOISE_RESERVE: f64 = 1e-7;
 
 /// Model, recordings and options of an identification.
@@ -30,7 +31,7 @@ pub(super) struct Evaluator<'a> {
 
 /// What one training run needs at given noise scales.
 enum RunNeed {
-    /// Its disturbance scales, and by what factor (>= 1) it exceeds each noise bound.
+    /// Its disturbance scales, and what it uses of each noise bound, relative to it.
     Scales(DVector<f64>, DVector<f64>),
     /// No disturbance explains it; the smallest common factor of the noise bounds that would.
     Infeasible(f64),
@@ -66,14 +67,17 @@ impl<'a> Evaluator<'a> {
         noise_scales: &[f64],
         report: &mut dyn FnMut(usize),
     ) -> Result<StepOutcome, IdentifyError> {
-        let nominal = self.model.v().component_mul(&DVector::from_column_slice(noise_scales));
+        let nominal = self
+            .model
+            .v()
+            .component_mul(&DVector::from_column_slice(noise_scales));
         let mut scales = Vec::with_capacity(self.training.len());
-        let mut excess = DVector::from_element(nominal.len(), 1.0);
+        let mut used = DVector::from_element(nominal.len(), 1.0 - NOISE_RESERVE);
         for (run, pieces) in self.training.iter().enumerate() {
             match self.needs(run, pieces, &nominal)? {
-                RunNeed::Scales(needed, exceeded) => {
+                RunNeed::Scales(needed, noise) => {
                     scales.push(needed);
-                    excess = excess.sup(&exceeded);
+                    used = used.sup(&noise);
                 }
                 RunNeed::Infeasible(factor) => {
                     let run = self.training_names[run].to_owned();
@@ -82,8 +86,11 @@ impl<'a> Evaluator<'a> {
             }
             report(run + 1);
         }
-        let measurement = self.rounded(&nominal.component_mul(&excess));
-        let bounds = NoiseBounds { disturbance: self.disturbance_bound(scales.iter()), measurement };
+        let measurement = self.rounded(&nominal.component_mul(&used));
+        let bounds = NoiseBounds {
+            disturbance: self.disturbance_bound(scales.iter()),
+            measurement,
+        };
         let left_out_failures = self.left_out_failures(&scales, &bounds)?;
         let mut validation_factors = Vec::with_capacity(self.validation.len());
         for (run, pieces) in self.validation.iter().enumerate() {
@@ -94,10 +101,15 @@ impl<'a> Evaluator<'a> {
         let logarithms: Vec<f64> = floors.iter().flatten().map(|floor| floor.ln()).collect();
         let mean = logarithms.iter().sum::<f64>() / logarithms.len() as f64;
         Ok(StepOutcome::Bounds(StepBounds {
-            deciding_runs: (0..bounds.disturbance.len()).map(|j| deciding_run(&scales, j)).collect(),
+            deciding_runs: (0..bounds.disturbance.len())
+                .map(|j| deciding_run(&scales, j))
+                .collect(),
             bounds,
             left_out_failures,
-            inconsistent_validation_runs: validation_factors.iter().filter(|factor| exceeds_one(**factor)).count(),
+            inconsistent_validation_runs: validation_factors
+                .iter()
+                .filter(|factor| exceeds_one(**factor))
+                .count(),
             validation_factors,
             floors,
             mean_floor: mean.exp(),
@@ -108,16 +120,19 @@ impl<'a> Evaluator<'a> {
     fn needs(&self, run: usize, pieces: &[Piece], noise: &DVector<f64>) -> Result<RunNeed, IdentifyError> {
         let reduced = noise * (1.0 - NOISE_RESERVE);
         let mut scales = DVector::zeros(self.model.disturbance_count());
-        let mut exceeded = DVector::from_element(noise.len(), 1.0);
+        let mut used = DVector::zeros(noise.len());
         for piece in pieces {
             let failure = |error| trajectory_failure(self.training_names[run], error);
             match self.plant.explain(piece, &Goal::SmallestDisturbances(&reduced)) {
                 Ok(need) => {
                     scales = scales.sup(&need.disturbances);
-                    exceeded = exceeded.sup(&(need.noise * (1.0 - NOISE_RESERVE)));
+                    used = used.sup(&(need.noise * (1.0 - NOISE_RESERVE)));
                 }
                 Err(TrajectoryError::Solver(error @ LinearProgramError::Infeasible { .. })) => {
-                    let need = self.plant.explain(piece, &Goal::NoiseFactor(noise)).map_err(failure)?;
+                    let need = self
+                        .plant
+                        .explain(piece, &Goal::NoiseFactor(noise))
+                        .map_err(failure)?;
                     let factor = need.noise.max();
                     if factor <= 1.0 {
                         return Err(failure(TrajectoryError::Solver(error)));
@@ -127,7 +142,7 @@ impl<'a> Evaluator<'a> {
                 Err(error) => return Err(failure(error)),
             }
         }
-        Ok(RunNeed::Scales(scales, exceeded))
+        Ok(RunNeed::Scales(scales, used))
     }
 
     /// The bound that follows from the scales of some runs.
@@ -152,11 +167,22 @@ impl<'a> Evaluator<'a> {
         }
         let mut failures = 0;
         for (run, own) in scales.iter().enumerate() {
-            let others = scales.iter().enumerate().filter(|(other, _)| *other != run).map(|(_, scale)| scale);
+            let others = scales
+                .iter()
+                .enumerate()
+                .filter(|(other, _)| *other != run)
+                .map(|(_, scale)| scale);
             let disturbance = self.disturbance_bound(others);
             let needed = own.component_mul(self.model.w());
-            if needed.iter().zip(&disturbance).any(|(needed, bound)| needed > bound) {
-                let bounds = NoiseBounds { disturbance, measurement: bounds.measurement.clone() };
+            if needed
+                .iter()
+                .zip(&disturbance)
+                .any(|(needed, bound)| needed > bound)
+            {
+                let bounds = NoiseBounds {
+                    disturbance,
+                    measurement: bounds.measurement.clone(),
+                };
                 let factor = self.consistency(self.training_names[run], &self.training[run], &bounds)?;
                 failures += usize::from(exceeds_one(factor));
             }
@@ -172,7 +198,12 @@ impl<'a> Evaluator<'a> {
             let need = plant
                 .explain(piece, &Goal::CommonFactor(&bounds.measurement))
                 .map_err(|error| trajectory_failure(name, error))?;
-            factor = need.disturbances.iter().chain(&need.noise).copied().fold(factor, f64::max);
+            factor = need
+                .disturbances
+                .iter()
+                .chain(&need.noise)
+                .copied()
+                .fold(factor, f64::max);
         }
         Ok(factor)
     }
@@ -194,7 +225,9 @@ impl<'a> Evaluator<'a> {
         }
         match floors.iter().flatten().next() {
             Some(_) => Ok(floors),
-            None => Err(IdentifyError::NothingDetectable { window: self.options.window }),
+            None => Err(IdentifyError::NothingDetectable {
+                window: self.options.window,
+            }),
         }
     }
 }
@@ -213,8 +246,10 @@ fn trajectory_failure(run: &str, error: TrajectoryError) -> IdentifyError {
     let run = run.to_owned();
     match error {
         TrajectoryError::Solver(source) => IdentifyError::Solver { run, source },
-        TrajectoryError::Unverified { residual, status } => {
-            IdentifyError::Unverified { run, residual, status }
-        }
+        TrajectoryError::Unverified { residual, status } => IdentifyError::Unverified {
+            run,
+            residual,
+            status,
+        },
     }
 }

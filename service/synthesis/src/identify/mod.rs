@@ -11,7 +11,8 @@
 //! disturbances and the other way round; among the noise scales tried, the one is chosen for which the fewest
 //! training runs contradict the bounds found from the other runs, and among these the one with the smallest
 //! detectable faults ([`floors`](crate::floors), fault-free mode, geometric mean over the actuators). Validation
-//! runs are reported and never decide.
+//! runs are reported and never decide. A noise bound so large that some disturbance is not needed at all passes the
+//! left-out check by itself; [`IdentifyOptions::tolerated_left_out_failures`] lets the detectable faults decide.
 //!
 //! The uncertainty A⁺ of the model is taken as zero: the disturbances then also account for it, and keeping
 //! A⁺ > 0 in a filter with these bounds only makes it more cautious. w and v of the model are the units of the
@@ -37,8 +38,8 @@ pub use report::{Identification, LadderStep, StepBounds, StepOutcome};
 pub use run_data::RunData;
 
 use evaluate::Evaluator;
-use search::Search;
 use residual_diagnosis::model::LinearModel;
+use search::Search;
 
 /// How far an identification has come.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,7 +75,11 @@ pub fn identify_bounds(
     if let Some(output) = model.v().iter().position(|&bound| bound <= 0.0) {
         return Err(IdentifyError::NoNoiseBound { output });
     }
-    let mut search = Search::new(Evaluator::new(model, training, validation, options)?, options, progress);
+    let mut search = Search::new(
+        Evaluator::new(model, training, validation, options)?,
+        options,
+        progress,
+    );
     for level in 0..options.noise_scales.len() {
         search.evaluate(vec![level; model.output_count()])?;
     }

@@ -23,7 +23,10 @@ pub struct IdentifyOptions {
     pub search: NoiseSearch,
     /// Relative margin on the disturbance bounds for what the training runs did not show, finite and >= 0.
     pub margin: f64,
-    /// Significant digits of the bounds, 1 to 15; they are rounded up.
+    /// Up to this number of left-out failures, steps count as equally trustworthy and only the smallest detectable
+    /// fault decides. There are never more failures than disturbances, since each bound rests on one run.
+    pub tolerated_left_out_failures: usize,
+    /// Significant digits of the bounds, 1 to 7; they are rounded up.
     pub significant_digits: usize,
     /// L: duration, in transitions, of the constant fault by whose smallest detectable size noise scales are
     /// compared.
@@ -38,6 +41,7 @@ impl Default for IdentifyOptions {
             noise_scales: vec![0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0],
             search: NoiseSearch::default(),
             margin: 0.05,
+            tolerated_left_out_failures: 0,
             significant_digits: 3,
             window: 20,
             pre_samples: PreSamples::Auto,
@@ -64,10 +68,15 @@ impl IdentifyOptions {
             (
                 "significant_digits",
                 self.significant_digits.to_string(),
-                (1..=15).contains(&self.significant_digits),
-                "use 1 to 15",
+                (1..=7).contains(&self.significant_digits),
+                "use 1 to 7; the programs are solved to about that accuracy",
             ),
-            ("window", self.window.to_string(), self.window > 0, "use at least one transition"),
+            (
+                "window",
+                self.window.to_string(),
+                self.window > 0,
+                "use at least one transition",
+            ),
         ];
         match checks.into_iter().find(|check| !check.2) {
             None => Ok(()),

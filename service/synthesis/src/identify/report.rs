@@ -70,11 +70,19 @@ pub struct Identification {
 /// Columns aligned to the right, two spaces apart.
 fn write_table(formatter: &mut fmt::Formatter<'_>, rows: &[Vec<String>]) -> fmt::Result {
     let columns = rows.first().map_or(0, Vec::len);
-    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let width = |column: usize| {
+        rows.iter()
+            .map(|row| row[column].chars().count())
+            .max()
+            .unwrap_or(0)
+    };
     let widths: Vec<usize> = (0..columns).map(width).collect();
     for row in rows {
-        let cells: Vec<String> =
-            row.iter().zip(&widths).map(|(cell, &width)| format!("{cell:>width$}")).collect();
+        let cells: Vec<String> = row
+            .iter()
+            .zip(&widths)
+            .map(|(cell, &width)| format!("{cell:>width$}"))
+            .collect();
         writeln!(formatter, "{}", cells.join("  ").trim_end())?;
     }
     Ok(())
@@ -94,9 +102,17 @@ fn with_unit(label: &Label) -> String {
 
 impl Identification {
     fn heading(&self) -> Vec<String> {
-        let mut row = vec![String::new(), "noise scale".to_owned(), "disturbance bound".to_owned()];
+        let mut row = vec![
+            String::new(),
+            "noise scale".to_owned(),
+            "disturbance bound".to_owned(),
+        ];
         row.push(format!("left-out failures of {}", self.training.len()));
-        row.extend(self.actuators.iter().map(|actuator| format!("floor {}", with_unit(actuator))));
+        row.extend(
+            self.actuators
+                .iter()
+                .map(|actuator| format!("floor {}", with_unit(actuator))),
+        );
         row.push(format!("inconsistent of {}", self.validation.len()));
         row.push("worst factor".to_owned());
         row
@@ -114,7 +130,12 @@ impl Identification {
                 let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
                 row.push(list(found.bounds.disturbance.iter().copied()));
                 row.push(or_dash(found.left_out_failures.map(|count| count.to_string())));
-                row.extend(found.floors.iter().map(|floor| or_dash(floor.map(|floor| format!("{floor:.4}")))));
+                row.extend(
+                    found
+                        .floors
+                        .iter()
+                        .map(|floor| or_dash(floor.map(|floor| format!("{floor:.4}")))),
+                );
                 row.push(found.inconsistent_validation_runs.to_string());
                 let worst = found.validation_factors.iter().copied().reduce(f64::max);
                 row.push(or_dash(worst.map(|factor| format!("{factor:.3}"))));
@@ -135,11 +156,29 @@ impl fmt::Display for Identification {
             outputs.join(", "),
             self.options.window
         )?;
-        let steps = self.steps.iter().enumerate().map(|(index, step)| self.row(index, step));
-        write_table(formatter, &[self.heading()].into_iter().chain(steps).collect::<Vec<_>>())?;
-        let NoiseBounds { disturbance, measurement } = &self.best.bounds;
-        writeln!(formatter, "\ndisturbance_bound = {}", list(disturbance.iter().copied()))?;
-        writeln!(formatter, "measurement_noise_bound = {}", list(measurement.iter().copied()))?;
+        let steps = self
+            .steps
+            .iter()
+            .enumerate()
+            .map(|(index, step)| self.row(index, step));
+        write_table(
+            formatter,
+            &[self.heading()].into_iter().chain(steps).collect::<Vec<_>>(),
+        )?;
+        let NoiseBounds {
+            disturbance,
+            measurement,
+        } = &self.best.bounds;
+        writeln!(
+            formatter,
+            "\ndisturbance_bound = {}",
+            list(disturbance.iter().copied())
+        )?;
+        writeln!(
+            formatter,
+            "measurement_noise_bound = {}",
+            list(measurement.iter().copied())
+        )?;
         for (j, run) in self.best.deciding_runs.iter().enumerate() {
             match run.and_then(|run| self.training.get(run)) {
                 Some(run) => writeln!(
@@ -147,16 +186,25 @@ impl fmt::Display for Identification {
                     "Disturbance {j}: run {run} needs the most; the bound has {} % margin.",
                     self.options.margin * 100.0
                 )?,
-                None => writeln!(formatter, "Disturbance {j}: no run needs any; its bound is 0.")?,
+                None => writeln!(
+                    formatter,
+                    "Disturbance {j}: no run needs any; its bound is 0 (identifying it anew needs one above 0 as its unit)."
+                )?,
             }
         }
         for (run, factor) in self.validation.iter().zip(&self.best.validation_factors) {
             if *factor > 1.0 {
-                writeln!(formatter, "Validation run {run} exceeds the bounds by a factor of {factor:.4}.")?;
+                writeln!(
+                    formatter,
+                    "Validation run {run} exceeds the bounds by a factor of {factor:.4}."
+                )?;
             }
         }
         if self.uncertain {
-            writeln!(formatter, "A_uncertainty counted as zero: the disturbances already account for it.")?;
+            writeln!(
+                formatter,
+                "A_uncertainty counted as zero: the disturbances already account for it."
+            )?;
         }
         Ok(())
     }

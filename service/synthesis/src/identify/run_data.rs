@@ -36,13 +36,20 @@ impl Piece {
 
 /// Checks the runs and cuts each into its pieces, one list a run.
 pub(super) fn cut(model: &LinearModel, runs: &[RunData]) -> Result<Vec<Vec<Piece>>, IdentifyError> {
-    runs.iter().enumerate().map(|(index, run)| cut_run(model, index, run)).collect()
+    runs.iter()
+        .enumerate()
+        .map(|(index, run)| cut_run(model, index, run))
+        .collect()
 }
 
 fn cut_run(model: &LinearModel, index: usize, run: &RunData) -> Result<Vec<Piece>, IdentifyError> {
     let (commands, measurements) = (run.commands.len(), run.measurements.len());
     if commands != measurements {
-        return Err(IdentifyError::LengthMismatch { run: run.name.clone(), commands, measurements });
+        return Err(IdentifyError::LengthMismatch {
+            run: run.name.clone(),
+            commands,
+            measurements,
+        });
     }
     check_rows(run, "commands", &run.commands, model.actuator_count())?;
     check_rows(run, "measurements", &run.measurements, model.output_count())?;
@@ -56,7 +63,9 @@ fn cut_run(model: &LinearModel, index: usize, run: &RunData) -> Result<Vec<Piece
         }
     }
     if pieces.is_empty() {
-        return Err(IdentifyError::NothingToFit { run: run.name.clone() });
+        return Err(IdentifyError::NothingToFit {
+            run: run.name.clone(),
+        });
     }
     Ok(pieces)
 }
@@ -86,10 +95,21 @@ fn check_rows(
     for (instant, row) in rows.iter().enumerate() {
         if row.len() != expected {
             let actual = row.len();
-            return Err(IdentifyError::WrongWidth { run: run.name.clone(), what, instant, actual, expected });
+            return Err(IdentifyError::WrongWidth {
+                run: run.name.clone(),
+                what,
+                instant,
+                actual,
+                expected,
+            });
         }
         if let Some(element) = row.iter().position(|value| value.is_infinite()) {
-            return Err(IdentifyError::Infinite { run: run.name.clone(), what, instant, element });
+            return Err(IdentifyError::Infinite {
+                run: run.name.clone(),
+                what,
+                instant,
+                element,
+            });
         }
     }
     Ok(())

@@ -8,6 +8,7 @@ use super::{IdentifyError, IdentifyOptions, Progress};
 pub(super) struct Search<'a> {
     evaluator: Evaluator<'a>,
     ladder: &'a [f64],
+    tolerated: usize,
     levels: Vec<Vec<usize>>,
     steps: Vec<LadderStep>,
     progress: &'a mut dyn FnMut(Progress),
@@ -19,7 +20,14 @@ impl<'a> Search<'a> {
         options: &'a IdentifyOptions,
         progress: &'a mut dyn FnMut(Progress),
     ) -> Self {
-        Self { evaluator, ladder: &options.noise_scales, levels: Vec::new(), steps: Vec::new(), progress }
+        Self {
+            evaluator,
+            ladder: &options.noise_scales,
+            tolerated: options.tolerated_left_out_failures,
+            levels: Vec::new(),
+            steps: Vec::new(),
+            progress,
+        }
     }
 
     /// Tries one step.
@@ -29,22 +37,37 @@ impl<'a> Search<'a> {
         let finished_steps = self.steps.len();
         let mut report = |runs_done| {
             let noise_scales = noise_scales.clone();
-            (self.progress)(Progress { finished_steps, noise_scales, runs_done, runs });
+            (self.progress)(Progress {
+                finished_steps,
+                noise_scales,
+                runs_done,
+                runs,
+            });
         };
         let outcome = self.evaluator.evaluate(&noise_scales, &mut report)?;
-        self.steps.push(LadderStep { noise_scales, outcome });
+        self.steps.push(LadderStep {
+            noise_scales,
+            outcome,
+        });
         self.levels.push(levels);
         Ok(())
     }
 
     /// The step with the fewest left-out failures and, among these, the smallest mean floor.
     pub(super) fn best(&self) -> Option<(usize, &StepBounds)> {
-        let feasible = self.steps.iter().enumerate().filter_map(|(index, step)| match &step.outcome {
-            StepOutcome::Bounds(found) => Some((index, found)),
-            StepOutcome::Infeasible { .. } => None,
-        });
+        let feasible = self
+            .steps
+            .iter()
+            .enumerate()
+            .filter_map(|(index, step)| match &step.outcome {
+                StepOutcome::Bounds(found) => Some((index, found)),
+                StepOutcome::Infeasible { .. } => None,
+            });
+        let failures = |step: &StepBounds| step.left_out_failures.unwrap_or(0).max(self.tolerated);
         feasible.min_by(|(_, a), (_, b)| {
-            a.left_out_failures.cmp(&b.left_out_failures).then(a.mean_floor.total_cmp(&b.mean_floor))
+            failures(a)
+                .cmp(&failures(b))
+                .then(a.mean_floor.total_cmp(&b.mean_floor))
         })
     }
 
@@ -69,9 +92,11 @@ impl<'a> Search<'a> {
             StepOutcome::Bounds(_) => None,
         });
         match failures.min_by(|a, b| a.2.total_cmp(&b.2)) {
-            Some((step, run, factor)) => {
-                IdentifyError::Infeasible { run: run.clone(), tried: step.noise_scales.clone(), factor }
-            }
+            Some((step, run, factor)) => IdentifyError::Infeasible {
+                run: run.clone(),
+                tried: step.noise_scales.clone(),
+                factor,
+            },
             None => IdentifyError::NoTrainingRuns,
         }
     }

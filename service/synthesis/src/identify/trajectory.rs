@@ -11,6 +11,9 @@ use residual_diagnosis::model::LinearModel;
 /// Largest residual of an equality, relative to the largest term of its row, that a checked trajectory may have.
 const EQUALITY_TOLERANCE: f64 = 1e-9;
 
+/// Disturbances that are nowhere larger than this, in units of w, are the solver's way to say zero.
+const NEGLIGIBLE: f64 = 1e-9;
+
 /// What is minimised, and with what the other quantities are limited.
 pub(super) enum Goal<'a> {
     /// The sum of the scales s_j of the disturbances, at this noise bound (length ny).
@@ -58,7 +61,12 @@ impl<'a> Plant<'a> {
             model.d()[(i, active[a])] * unit[active[a]]
         });
         let d_inverse = pseudo_inverse(&d);
-        Self { model, active, d, d_inverse }
+        Self {
+            model,
+            active,
+            d,
+            d_inverse,
+        }
     }
 
     /// The trajectory that reaches the goal.
@@ -106,7 +114,12 @@ impl<'a> Plant<'a> {
             }
             Goal::NoiseFactor(bound) => (bound, vec![None; nd], Some(program.add_variables(1))),
         };
-        let mut scales: Vec<usize> = disturbance_scale.iter().copied().chain([noise_scale]).flatten().collect();
+        let mut scales: Vec<usize> = disturbance_scale
+            .iter()
+            .copied()
+            .chain([noise_scale])
+            .flatten()
+            .collect();
         scales.dedup();
         for scale in scales {
             program.add_cost(scale, 1.0);
@@ -114,7 +127,10 @@ impl<'a> Plant<'a> {
         }
         for k in 0..piece.transitions() {
             for (j, scale) in disturbance_scale.iter().enumerate() {
-                for (sign, scale) in [1.0, -1.0].into_iter().flat_map(|sign| scale.map(|scale| (sign, scale))) {
+                for (sign, scale) in [1.0, -1.0]
+                    .into_iter()
+                    .flat_map(|sign| scale.map(|scale| (sign, scale)))
+                {
                     program.at_most([(d + k * nd + j, sign), (scale, -1.0)], 0.0);
                 }
             }
@@ -123,7 +139,8 @@ impl<'a> Plant<'a> {
         for (k, sample) in piece.measurements.column_iter().enumerate() {
             for (i, &y) in sample.iter().enumerate().filter(|(_, y)| y.is_finite()) {
                 for sign in [1.0, -1.0] {
-                    let output = (0..c.ncols()).map(|j| (x + k * c.ncols() + j, -sign * c[(i, j)] / bound[i]));
+                    let output =
+                        (0..c.ncols()).map(|j| (x + k * c.ncols() + j, -sign * c[(i, j)] / bound[i]));
                     let (scale, fixed) = noise_scale.map_or((None, 1.0), |scale| (Some((scale, -1.0)), 0.0));
                     program.at_most(output.chain(scale), fixed - sign * y / bound[i]);
                 }
@@ -145,9 +162,12 @@ impl<'a> Plant<'a> {
         let (nx, transitions) = (states.nrows(), piece.transitions());
         let next = states.columns(1, transitions);
         let present = states.columns(0, transitions);
-        let known = &next - a * present - b * &piece.commands;
+        let known = next - a * present - b * &piece.commands;
         let missed = &known - &self.d * &disturbances;
         disturbances += &self.d_inverse * missed;
+        for mut row in disturbances.row_iter_mut().filter(|row| row.amax() <= NEGLIGIBLE) {
+            row.fill(0.0);
+        }
         let residual = known - &self.d * &disturbances;
         let terms = next.abs()
             + a.abs() * present.abs()
@@ -162,14 +182,20 @@ impl<'a> Plant<'a> {
         });
         let finite = states.iter().chain(&disturbances).all(|value| value.is_finite());
         if !finite || worst > EQUALITY_TOLERANCE {
-            return Err(TrajectoryError::Unverified { residual: worst, status: solution.status.clone() });
+            return Err(TrajectoryError::Unverified {
+                residual: worst,
+                status: solution.status.clone(),
+            });
         }
         let mut needed = DVector::zeros(self.model.disturbance_count());
         for (row, &j) in self.active.iter().enumerate() {
             needed[j] = disturbances.row(row).amax();
         }
         let noise = DVector::from_fn(bound.len(), |i, _| noise.row(i).amax() / bound[i]);
-        Ok(Need { disturbances: needed, noise })
+        Ok(Need {
+            disturbances: needed,
+            noise,
+        })
     }
 }
 
