@@ -26,8 +26,12 @@ fn run_case1(
     for (k, y) in rows(&reference("vtol_case1.json")["y"]).iter().enumerate() {
         let record = step(&mut bank, y, &[0.0, 0.0]);
         if k > 0 {
-            let rows = (0..4).map(|j| residual_and_width(&bank, &record, &format!("mode_0_output_{j}")));
-            let (residual, half_width) = rows.unzip();
+            let mut names: Vec<String> = (0..4).map(|j| format!("mode_0_output_{j}")).collect();
+            if !filter.contains("paper") {
+                names.push("mode_0_matched_1".to_owned());
+            }
+            let (residual, half_width) =
+                names.iter().map(|name| residual_and_width(&bank, &record, name)).unzip();
             look(k, &bank, residual, half_width);
         }
     }
