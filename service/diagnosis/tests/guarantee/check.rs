@@ -10,7 +10,7 @@ use residual_diagnosis::unknown_input_filter::{
     checks::{CheckWarning, check_modes},
     error::ConstructionError,
     modes::FaultMode,
-    options::{GainRule, MissingPolicy, Publish, UnknownInputFilterOptions},
+    options::{Form, GainRule, MissingPolicy, Publish, UnknownInputFilterOptions},
 };
 
 /// What was checked.
@@ -57,6 +57,8 @@ pub fn options(case: &Case, sample: &Sample, model: &LinearModel) -> UnknownInpu
     options.bank.reset = case.reset;
     options.bank.clear_samples = case.clear_samples;
     options.filter.initialisation = case.initialisation;
+    options.filter.form = if case.paper { Form::Paper } else { Form::Coupled };
+    options.filter.test = case.test;
     options.filter.gain = case.gain;
     options.filter.gain_sweeps = case.sweeps;
     options.filter.generator_order = Some(case.states + case.extra_order);

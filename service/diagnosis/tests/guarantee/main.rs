@@ -7,6 +7,7 @@ mod case;
 mod certificate;
 mod check;
 mod plant;
+mod relations;
 
 use check::Counts;
 use proptest::test_runner::{Config, RngSeed, TestCaseError, TestError, TestRunner};
