@@ -199,7 +199,8 @@ impl CoupledFilter {
         if regular || work.missing.separated {
             for k in 0..rank {
                 work.choice.estimate_row(decoupling, k, row);
-                outcome.estimates[decoupling.pivot[k]] = Some(context.estimate(row, &mut work.scratch));
+                let own = decoupling.pivot[k];
+                outcome.estimates[own] = Some(context.estimate(row, own, &mut work.scratch));
             }
         }
     }

@@ -167,7 +167,7 @@ impl FixedFilter {
                 + row.constant;
             if let Purpose::Estimate(own) = row.purpose {
                 if let Some(outward) = outward {
-                    half_width = outward.estimate_radius(half_width, &row.weights, residual);
+                    half_width = outward.estimate_radius(half_width, &row.weights, own, residual);
                 }
                 outcome.estimates[own] = Some(FaultEstimate { centre: residual, radius: half_width });
                 continue;

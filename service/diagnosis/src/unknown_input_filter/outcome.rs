@@ -121,12 +121,12 @@ impl RowContext<'_> {
         TestRow { residual, half_width, evaluated: residual.is_finite() && half_width.is_finite() }
     }
 
-    /// Estimate with the coefficients `row` of φ.
-    pub fn estimate(&self, row: &[f64], scratch: &mut [f64]) -> FaultEstimate {
+    /// Estimate of the own fault `own` with the coefficients `row` of φ.
+    pub fn estimate(&self, row: &[f64], own: usize, scratch: &mut [f64]) -> FaultEstimate {
         let centre = dot(row, &self.prediction.innovation[..row.len()]);
         let mut radius = self.spread(row, scratch);
         if let Some(outward) = &self.outward {
-            radius = outward.estimate_radius(radius, row, centre);
+            radius = outward.estimate_radius(radius, row, own, centre);
         }
         FaultEstimate { centre, radius }
     }
