@@ -2,69 +2,21 @@
 
 use super::{
     decoupling::{Decoupling, Tolerances},
-    gain::{Candidates, GainChoice},
-    kalman::KalmanWorkspace,
-    missing::{MissingData, gain_coordinates},
+    gain::Candidates,
+    missing::gain_coordinates,
     modes::FaultMode,
     outcome::{Outcome, RowContext},
     outward::Outward,
-    plant::{Command, Measured, Plant, Strip},
+    plant::{Command, Measured, Plant},
     prediction::Prediction,
     state::SetState,
+    strip_reset::Strip,
+    workspace::Workspace,
 };
 use crate::{
     factor::PivotedQr,
     matrix::{Matrix, multiply, row_sums},
-    zonotope::{Reducer, Reduction},
 };
-
-/// Room that the filters of a bank share, since they step one after the other.
-#[derive(Clone, Debug)]
-pub(crate) struct Workspace {
-    pub prediction: Prediction,
-    pub choice: GainChoice,
-    pub missing: MissingData,
-    pub reducer: Reducer,
-    pub gain: Matrix,
-    pub scratch: Vec<f64>,
-    pub row: Vec<f64>,
-    signature: Vec<f64>,
-    /// |e| + R(Γ) + v.
-    pub spread_radius: Vec<f64>,
-    /// f̄.
-    pub own_fault: Vec<f64>,
-    /// Product with the stacked matrix of a fixed gain.
-    pub stacked: Matrix,
-    /// η.
-    pub error: Vec<f64>,
-    /// CH⁻H⁻'C' + V² of the paper's form, ny x ny.
-    pub square: Matrix,
-    pub kalman: KalmanWorkspace,
-}
-
-impl Workspace {
-    /// Room for filters of generator order `order` and modes of up to `own` actuators.
-    pub fn new(plant: &Plant, order: usize, own: usize, reduction: Reduction) -> Self {
-        let (nx, ny) = (plant.nx(), plant.ny());
-        let columns = plant.column_capacity(order, own);
-        Self {
-            prediction: Prediction::new(plant, columns),
-            choice: GainChoice::new(nx, ny, columns),
-            missing: MissingData::new(plant, own),
-            reducer: Reducer::new(reduction, nx, columns),
-            gain: Matrix::zeros(nx, ny),
-            scratch: vec![0.0; columns],
-            row: vec![0.0; ny],
-            signature: vec![0.0; ny],
-            spread_radius: vec![0.0; ny],
-            own_fault: vec![0.0; ny],
-            stacked: Matrix::zeros(nx + ny + plant.nu(), columns),
-            error: vec![0.0; nx],
-            square: Matrix::zeros(ny, ny),
-            kalman: KalmanWorkspace::new(plant),
-        }
-    }
-}
 
 /// Constants of one filter in the coupled form.
 #[derive(Clone, Debug)]
@@ -350,27 +302,6 @@ pub(crate) fn complete_decoupling(plant: &Plant, fault_matrix: &Matrix, shaping:
     let mut out = Decoupling::with_capacity(nx, ny);
     out.compute(&qr, fault_matrix, Tolerances { gain: 0.0, test: 0.0 }, shaping, &measured);
     out
-}
-
-/// The set that one complete measurement gives, whatever the actuators do (method sheet 4.6).
-///
-/// The strip must be available and the packet complete.
-pub(crate) fn reset_by_strip(plant: &Plant, strip: &Strip, y: &[f64], state: &mut SetState, work: &mut Workspace) {
-    let nx = plant.nx();
-    strip.centre(y, &mut state.centre);
-    state.generators.copy_from(&strip.generators);
-    if plant.epsilon > 0.0 {
-        for i in 0..nx {
-            state.radius[i] = state.centre[i].abs() + strip.radius[i];
-        }
-        for i in 0..nx {
-            work.error[i] = strip.rounding_error(i, &state.radius, y, &plant.noise).next_up();
-        }
-        state.generators.append_diagonal(&work.error);
-    }
-    state.unbounded.reshape(nx, 0);
-    state.void = false;
-    state.update_radius();
 }
 
 /// Guaranteed bound x̄ of |x| by the set (method sheet 4.4); infinite where there is none.

@@ -5,11 +5,12 @@
 
 use super::{
     decoupling::Decoupling,
-    filter::{CoupledFilter, Workspace},
+    filter::CoupledFilter,
     modes::FaultMode,
     options::FilterOptions,
     plant::{Command, Measured, Plant},
     state::SetState,
+    workspace::Workspace,
 };
 use crate::{
     matrix::{Matrix, all_finite},

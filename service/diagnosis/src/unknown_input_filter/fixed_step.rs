@@ -5,12 +5,13 @@
 //! packets and unbounded sets take the general step.
 
 use super::{
-    filter::{CoupledFilter, Workspace},
+    filter::CoupledFilter,
     fixed_gain::FixedGain,
     outcome::{FaultEstimate, Outcome, TestRow},
     outward::Outward,
     plant::{Command, Measured, Plant},
     state::SetState,
+    workspace::Workspace,
 };
 use crate::matrix::{Matrix, absolute_dot, absolute_sum, combination, dot, multiply};
 use nalgebra::DMatrix;

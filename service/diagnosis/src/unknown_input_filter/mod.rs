@@ -4,6 +4,7 @@ mod bank;
 pub mod certificate;
 mod channels;
 pub mod checks;
+mod construction;
 pub mod decision;
 mod decoupling;
 pub mod error;
@@ -28,5 +29,7 @@ mod plant;
 mod prediction;
 mod reset;
 mod state;
+mod strip_reset;
+mod workspace;
 
 pub use bank::UnknownInputFilterBank;

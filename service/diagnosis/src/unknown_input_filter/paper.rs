@@ -10,12 +10,13 @@
 
 use super::{
     decoupling::Decoupling,
-    filter::{Workspace, complete_decoupling, fault_matrix},
+    filter::{complete_decoupling, fault_matrix},
     modes::FaultMode,
     options::TestRule,
     outcome::{Outcome, RowContext, TestRow},
     plant::{Command, Measured, Plant},
     state::SetState,
+    workspace::Workspace,
 };
 use crate::{
     factor::{cholesky, cholesky_solve},

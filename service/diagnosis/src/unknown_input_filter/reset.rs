@@ -2,10 +2,11 @@
 
 use super::{
     bank::UnknownInputFilterBank,
-    filter::{reset_by_strip, state_bound},
+    filter::state_bound,
     mode_filter::ModeFilter,
     options::ResetRule,
     parity_window::ParityWindow,
+    strip_reset::reset_by_strip,
 };
 
 /// Where the new set of a mode can come from.
