@@ -87,7 +87,10 @@ pub fn build(case: &Case) -> Option<(Sample, LinearModel, UnknownInputFilterOpti
         let model = LinearModel::new(&sample.model, 0.1).unwrap();
         let mut options = options(case, &sample, &model);
         let report = check_modes(&model, &options, &options.bank.modes(case.actuators)).ok()?;
-        let grows = report.warnings.iter().any(|warning| matches!(warning, CheckWarning::UnboundedSet { .. }));
+        let grows = report
+            .warnings
+            .iter()
+            .any(|warning| matches!(warning, CheckWarning::UnboundedSet { .. }));
         // A set that grows for ever loses its last digits; only outward rounding accounts for that.
         if grows && !case.outward_rounding {
             return None;
