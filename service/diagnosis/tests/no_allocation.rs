@@ -67,19 +67,35 @@ fn exercise(bank: &mut UnknownInputFilterBank, model: &ModelOptions) -> (Vec<Ver
             record.flags = 0;
             match k % 50 {
                 20..23 => bank.skip(&mut record),
-                25 => bank.step(&StepInput { measurements: &y[..1], commands: &u }, &mut record),
+                25 => bank.step(
+                    &StepInput {
+                        measurements: &y[..1],
+                        commands: &u,
+                    },
+                    &mut record,
+                ),
                 phase => {
                     if phase % 10 == 7 {
                         y[phase % ny] = f64::NAN;
                     }
                     let commands = if phase == 31 { &[][..] } else { &u };
-                    bank.step(&StepInput { measurements: &y, commands }, &mut record);
+                    bank.step(
+                        &StepInput {
+                            measurements: &y,
+                            commands,
+                        },
+                        &mut record,
+                    );
                 }
             }
             verdicts[record.verdict as usize] = true;
             seen_flags |= record.flags;
             for i in 0..nx {
-                let fault = if (100..130).contains(&k) { 3.0 * model.b[i][0] } else { 0.0 };
+                let fault = if (100..130).contains(&k) {
+                    3.0 * model.b[i][0]
+                } else {
+                    0.0
+                };
                 let rest: f64 = (0..nx).map(|l| model.a[i][l] * x[l]).sum();
                 next[i] = rest + fault + (0..nu).map(|l| model.b[i][l] * u[l]).sum::<f64>();
             }
@@ -90,8 +106,15 @@ fn exercise(bank: &mut UnknownInputFilterBank, model: &ModelOptions) -> (Vec<Ver
             x.fill(0.0);
         }
     }
-    assert_eq!(ALLOCATIONS.get(), before, "the real-time path touched the allocator");
-    let seen = (0..6).filter(|i| verdicts[*i as usize]).map(|i| Verdict::from_number(i).unwrap()).collect();
+    assert_eq!(
+        ALLOCATIONS.get(),
+        before,
+        "the real-time path touched the allocator"
+    );
+    let seen = (0..6)
+        .filter(|i| verdicts[*i as usize])
+        .map(|i| Verdict::from_number(i).unwrap())
+        .collect();
     (seen, seen_flags)
 }
 
@@ -107,7 +130,10 @@ fn check(model: &ModelOptions, text: &str, with_certificates: bool) {
     }
     let (verdicts, seen) = exercise(&mut bank(model, &options), model);
     for expected in [Verdict::Starting, Verdict::Nominal, Verdict::Isolated] {
-        assert!(verdicts.contains(&expected), "{text}: no {expected:?} in {verdicts:?}");
+        assert!(
+            verdicts.contains(&expected),
+            "{text}: no {expected:?} in {verdicts:?}"
+        );
     }
     assert_ne!(seen & flags::ALARM_NOW, 0, "{text}");
     assert_ne!(seen & flags::INPUT_MISSING, 0, "{text}");
@@ -119,7 +145,10 @@ fn the_default_form_never_allocates_with_losses_episodes_and_certificates() {
     boxed.input_lower = Some(vec![-1.0; 2]);
     boxed.input_upper = Some(vec![1.0; 2]);
     for model in [vtol(), boxed] {
-        for policy in ["policy = \"bounded_fault\", fault_bound = [3, 3]", "policy = \"unbounded_fault\""] {
+        for policy in [
+            "policy = \"bounded_fault\", fault_bound = [3, 3]",
+            "policy = \"unbounded_fault\"",
+        ] {
             let text = format!("bank = {{ clear_samples = 10 }}\nmissing = {{ {policy} }}");
             check(&model, &text, true);
         }
@@ -156,7 +185,11 @@ fn pairs_copies_and_hulls_never_allocate() {
 
 #[test]
 fn the_papers_form_and_the_baseline_never_allocate() {
-    check(&vtol(), "bank = { clear_samples = 10 }\nfilter = { form = \"paper\" }", false);
+    check(
+        &vtol(),
+        "bank = { clear_samples = 10 }\nfilter = { form = \"paper\" }",
+        false,
+    );
     check(
         &vtol(),
         "bank = { clear_samples = 10 }\nfilter = { form = \"kalman_3sigma\", residual_norm_threshold = 0.5 }",

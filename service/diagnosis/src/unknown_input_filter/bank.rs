@@ -106,8 +106,15 @@ impl UnknownInputFilterBank {
     ///
     /// For inspection; it allocates. `None` while the bank has not started, while the set is lost, and for a mode that is not there.
     pub fn state_set(&self, mode: usize) -> Option<(Vec<f64>, Vec<f64>)> {
-        let set = self.state.sets.get(mode).filter(|set| self.state.started && !set.void)?;
-        Some((set.centre.clone(), (0..set.centre.len()).map(|i| set.extent(i)).collect()))
+        let set = self
+            .state
+            .sets
+            .get(mode)
+            .filter(|set| self.state.started && !set.void)?;
+        Some((
+            set.centre.clone(),
+            (0..set.centre.len()).map(|i| set.extent(i)).collect(),
+        ))
     }
 
     fn advance(&mut self, y: &[f64], u: &[f64], record: &mut StepRecord) {
@@ -132,7 +139,8 @@ impl UnknownInputFilterBank {
         record.verdict = self.verdict(first, tested, &conclusion) as u32;
         record.certainly_faulty = conclusion.certainly_faulty;
         record.possibly_faulty = conclusion.possibly_faulty;
-        self.layout.write(&self.outcomes, &self.parity, &self.modes, &conclusion, record);
+        self.layout
+            .write(&self.outcomes, &self.parity, &self.modes, &conclusion, record);
     }
 
     /// Instant 0: the first sets.
@@ -163,7 +171,14 @@ impl UnknownInputFilterBank {
         let sets = self.state.sets.iter_mut().zip(&mut self.outcomes);
         for (mode, (set, outcome)) in self.modes.iter().zip(sets) {
             if let Some(filter) = &mode.filter {
-                filter.step(&self.plant, &self.command, &self.measured, set, &mut self.work, outcome);
+                filter.step(
+                    &self.plant,
+                    &self.command,
+                    &self.measured,
+                    set,
+                    &mut self.work,
+                    outcome,
+                );
             }
         }
     }
@@ -178,7 +193,11 @@ impl UnknownInputFilterBank {
             self.state.windows[i].push(y, &self.state.command, &self.state_bound);
             for (test, row) in mode.parity.iter().zip(&mut self.parity[i]) {
                 *row = match test.evaluate(&self.state.windows[i]) {
-                    Some((residual, half_width)) => TestRow { residual, half_width, evaluated: true },
+                    Some((residual, half_width)) => TestRow {
+                        residual,
+                        half_width,
+                        evaluated: true,
+                    },
                     None => TestRow::default(),
                 };
                 if row.evaluated {
@@ -195,7 +214,8 @@ impl UnknownInputFilterBank {
         for i in 0..self.modes.len() {
             let alarm = self.alarm(i);
             alarmed |= alarm;
-            self.state.falsified[i] = alarm || self.state.falsified[i] && self.rules.isolation == Isolation::Latched;
+            self.state.falsified[i] =
+                alarm || self.state.falsified[i] && self.rules.isolation == Isolation::Latched;
         }
         let mut reset = self.reset_lost_sets();
         if alarmed {
@@ -226,7 +246,8 @@ impl UnknownInputFilterBank {
     }
 
     fn verdict(&self, first: bool, tested: bool, conclusion: &Conclusion) -> Verdict {
-        let mut guarded = (0..self.modes.len()).filter(|&i| self.survives(i) && self.modes[i].filter.is_some());
+        let mut guarded =
+            (0..self.modes.len()).filter(|&i| self.survives(i) && self.modes[i].filter.is_some());
         if first {
             return Verdict::Starting;
         }
@@ -272,6 +293,8 @@ impl Diagnoser for UnknownInputFilterBank {
         self.state.falsified.fill(false);
         self.state.quiet = 0;
         self.outcomes.iter_mut().for_each(Outcome::clear);
-        self.parity.iter_mut().for_each(|rows| rows.fill(TestRow::default()));
+        self.parity
+            .iter_mut()
+            .for_each(|rows| rows.fill(TestRow::default()));
     }
 }

@@ -36,7 +36,11 @@ impl UnknownInputFilterBank {
         options.validate(&model)?;
         let filter = &options.filter;
         let order = filter.effective_generator_order();
-        let plant = Plant::new(&model, order, filter.outward_rounding && filter.form == Form::Coupled);
+        let plant = Plant::new(
+            &model,
+            order,
+            filter.outward_rounding && filter.form == Form::Coupled,
+        );
         let mode_sets = options.bank.modes(plant.nu());
         let report = check_modes(&model, options, &mode_sets)?;
         let nominal = Nominal::new(&model, &plant, filter);
@@ -46,7 +50,11 @@ impl UnknownInputFilterBank {
                 true => Some(build_filter(&model, &plant, mode, options, &nominal)?),
                 false => None,
             };
-            modes.push(Mode { mode, filter, parity: Vec::new() });
+            modes.push(Mode {
+                mode,
+                filter,
+                parity: Vec::new(),
+            });
         }
         for certificate in options.parity.certificates.iter().flatten() {
             let test = ParityTest::new(certificate, &model, filter.outward_rounding)?;
@@ -68,8 +76,10 @@ impl UnknownInputFilterBank {
             falsified: vec![false; modes.len()],
             quiet: 0,
         };
-        let outcomes: Vec<Outcome> =
-            mode_sets.iter().map(|&mode| Outcome::new(&plant, mode, filter.form)).collect();
+        let outcomes: Vec<Outcome> = mode_sets
+            .iter()
+            .map(|&mode| Outcome::new(&plant, mode, filter.form))
+            .collect();
         let layout = ChannelLayout::new(&model, &modes, &outcomes, options)?;
         Ok(Self {
             rules: BankRules {
@@ -89,14 +99,21 @@ impl UnknownInputFilterBank {
             description: Description {
                 method: "unknown_input_filter",
                 channels: layout.descriptions().to_vec(),
-                faults: model.actuators().iter().map(|actuator| actuator.name.clone()).collect(),
+                faults: model
+                    .actuators()
+                    .iter()
+                    .map(|actuator| actuator.name.clone())
+                    .collect(),
                 measurement_count: plant.ny(),
                 command_count: plant.nu(),
             },
             work: Workspace::new(&plant, order, own, filter.effective_reduction()),
             measured: Measured::new(&plant),
             outcomes,
-            parity: modes.iter().map(|mode| vec![TestRow::default(); mode.parity.len()]).collect(),
+            parity: modes
+                .iter()
+                .map(|mode| vec![TestRow::default(); mode.parity.len()])
+                .collect(),
             hull: SetState::new(plant.nx(), columns),
             state_bound: vec![0.0; plant.nx()],
             command: Command::new(&plant),
@@ -123,7 +140,11 @@ impl UnknownInputFilterBank {
             return Err(ConstructionError::FixedGainWithoutMode { mode });
         };
         if gain.shape() != shape {
-            return Err(ConstructionError::FixedGainShape { mode, actual: gain.shape(), expected: shape });
+            return Err(ConstructionError::FixedGainShape {
+                mode,
+                actual: gain.shape(),
+                expected: shape,
+            });
         }
         let gain = Matrix::from(gain);
         let check = |coupled: &CoupledFilter| {
@@ -157,9 +178,18 @@ fn build_filter(
 ) -> Result<ModeFilter, ConstructionError> {
     let filter = &options.filter;
     let order = filter.effective_generator_order();
-    let s = filter.s.as_ref().map(|s| DMatrix::from_fn(plant.nx(), plant.ny(), |i, j| s[i][j]));
+    let s = filter
+        .s
+        .as_ref()
+        .map(|s| DMatrix::from_fn(plant.nx(), plant.ny(), |i, j| s[i][j]));
     match filter.form {
-        Form::Paper => Ok(ModeFilter::Paper(PaperFilter::new(plant, mode, s.as_ref(), filter.test, order))),
+        Form::Paper => Ok(ModeFilter::Paper(PaperFilter::new(
+            plant,
+            mode,
+            s.as_ref(),
+            filter.test,
+            order,
+        ))),
         Form::Kalman3Sigma => {
             let covariance = filter.initial_covariance.iter().flatten().flatten().copied();
             let covariance = DMatrix::from_row_iterator(plant.nx(), plant.nx(), covariance);
@@ -171,12 +201,16 @@ fn build_filter(
                 initial_covariance: Matrix::from(&covariance),
                 norm_threshold: filter.residual_norm_threshold.unwrap_or(f64::INFINITY),
             };
-            Ok(ModeFilter::Kalman(KalmanFilter::new(plant, mode, s.as_ref(), start)))
+            Ok(ModeFilter::Kalman(KalmanFilter::new(
+                plant,
+                mode,
+                s.as_ref(),
+                start,
+            )))
         }
         Form::Coupled => {
-            let shaping = s.map(|s| {
-                Matrix::from(&(DMatrix::identity(plant.ny(), plant.ny()) - model.c() * s))
-            });
+            let shaping =
+                s.map(|s| Matrix::from(&(DMatrix::identity(plant.ny(), plant.ny()) - model.c() * s)));
             let bounded = options.missing.policy == MissingPolicy::BoundedFault;
             let coupled = CoupledOptions {
                 shaping: shaping.as_ref(),
@@ -189,7 +223,11 @@ fn build_filter(
             if filter.gain == GainRule::Frobenius {
                 return Ok(ModeFilter::Coupled(coupled_filter));
             }
-            let design = CoupledOptions { row_wise: true, sweeps: DESIGN_SWEEPS, ..coupled };
+            let design = CoupledOptions {
+                row_wise: true,
+                sweeps: DESIGN_SWEEPS,
+                ..coupled
+            };
             let fixed = FixedGain::design(plant, &CoupledFilter::new(plant, mode, &design), nominal);
             match (fixed, filter.gain) {
                 (Some(fixed), GainRule::Fixed) => {

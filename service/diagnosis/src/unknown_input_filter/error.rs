@@ -2,7 +2,9 @@
 
 use thiserror::Error;
 
-use super::{certificate::CertificateError, checks::CheckError, modes::FaultMode, options_error::OptionsError};
+use super::{
+    certificate::CertificateError, checks::CheckError, modes::FaultMode, options_error::OptionsError,
+};
 
 /// Why a bank of unknown-input filters could not be built from a model and options.
 #[derive(Clone, Debug, PartialEq, Error)]

@@ -143,9 +143,15 @@ impl CoupledFilter {
 
     /// L of this step into `work.gain` (method sheet 4.2 steps 4 and 5).
     pub fn choose_gain(&self, plant: &Plant, measured: &Measured, regular: bool, work: &mut Workspace) {
-        let decoupling = if regular { &self.decoupling } else { &work.missing.decoupling };
-        let missing_strip = (work.missing.strip_available && self.row_wise)
-            .then_some((&work.missing.strip_rows, work.missing.strip_half_widths.as_slice()));
+        let decoupling = if regular {
+            &self.decoupling
+        } else {
+            &work.missing.decoupling
+        };
+        let missing_strip = (work.missing.strip_available && self.row_wise).then_some((
+            &work.missing.strip_rows,
+            work.missing.strip_half_widths.as_slice(),
+        ));
         let strip = match (&plant.strip, &self.strip_rows) {
             (Some(strip), Some(rows)) if regular => Some((rows, strip.radius.as_slice())),
             _ => missing_strip.filter(|_| !regular),
@@ -155,9 +161,12 @@ impl CoupledFilter {
             fixed: self.fixed_rows.as_ref().filter(|_| regular),
             sweeps: self.sweeps,
         };
-        let Prediction { generators, spread, .. } = &work.prediction;
+        let Prediction {
+            generators, spread, ..
+        } = &work.prediction;
         work.choice.prepare(decoupling, spread, &measured.noise);
-        work.choice.choose(decoupling, generators, spread, candidates, &mut work.gain);
+        work.choice
+            .choose(decoupling, generators, spread, candidates, &mut work.gain);
     }
 
     /// Test rows and fault estimates (method sheet 4.2 steps 6 and 7).
@@ -169,9 +178,19 @@ impl CoupledFilter {
         work: &mut Workspace,
         outcome: &mut Outcome,
     ) {
-        let decoupling = if regular { &self.decoupling } else { &work.missing.decoupling };
+        let decoupling = if regular {
+            &self.decoupling
+        } else {
+            &work.missing.decoupling
+        };
         let (m, rank) = (measured.count(), decoupling.rank());
-        bound_own_faults(decoupling, &work.prediction, measured, &mut work.spread_radius, &mut work.own_fault);
+        bound_own_faults(
+            decoupling,
+            &work.prediction,
+            measured,
+            &mut work.spread_radius,
+            &mut work.own_fault,
+        );
         let outward = (plant.epsilon > 0.0).then_some(Outward {
             epsilon: plant.epsilon,
             prediction_size: &work.prediction.size,
@@ -179,7 +198,12 @@ impl CoupledFilter {
             own_fault: &work.own_fault[..rank],
             decoupling,
         });
-        let context = RowContext { plant, measured, prediction: &work.prediction, outward };
+        let context = RowContext {
+            plant,
+            measured,
+            prediction: &work.prediction,
+            outward,
+        };
         context.test_outputs(decoupling, &mut work.scratch, outcome);
         let row = &mut work.row[..m];
         if decoupling.complete {
@@ -220,9 +244,18 @@ impl CoupledFilter {
             let correction = work.gain.row(i).iter().zip(&prediction.innovation[..m]);
             state.centre[i] = prediction.centre[i] + correction.map(|(l, e)| l * e).sum::<f64>();
         }
-        prediction.correct(&work.gain, &measured.noise, &mut work.scratch, &mut state.generators);
+        prediction.correct(
+            &work.gain,
+            &measured.noise,
+            &mut work.scratch,
+            &mut state.generators,
+        );
         if plant.epsilon > 0.0 {
-            let decoupling = if regular { &self.decoupling } else { &work.missing.decoupling };
+            let decoupling = if regular {
+                &self.decoupling
+            } else {
+                &work.missing.decoupling
+            };
             let outward = Outward {
                 epsilon: plant.epsilon,
                 prediction_size: &prediction.size,
@@ -291,7 +324,11 @@ pub(crate) fn fault_matrix(plant: &Plant, mode: FaultMode) -> Matrix {
 }
 
 /// The decoupling of a complete packet; the mode must have passed the checks of method sheet 3.1.
-pub(crate) fn complete_decoupling(plant: &Plant, fault_matrix: &Matrix, shaping: Option<&Matrix>) -> Decoupling {
+pub(crate) fn complete_decoupling(
+    plant: &Plant,
+    fault_matrix: &Matrix,
+    shaping: Option<&Matrix>,
+) -> Decoupling {
     let (nx, ny, own) = (plant.nx(), plant.ny(), fault_matrix.columns());
     let mut measured = Measured::new(plant);
     measured.receive(plant, &vec![0.0; ny]);
@@ -300,7 +337,13 @@ pub(crate) fn complete_decoupling(plant: &Plant, fault_matrix: &Matrix, shaping:
     let mut qr = PivotedQr::with_capacity(ny, own);
     qr.factor(&product);
     let mut out = Decoupling::with_capacity(nx, ny);
-    out.compute(&qr, fault_matrix, Tolerances { gain: 0.0, test: 0.0 }, shaping, &measured);
+    out.compute(
+        &qr,
+        fault_matrix,
+        Tolerances { gain: 0.0, test: 0.0 },
+        shaping,
+        &measured,
+    );
     out
 }
 

@@ -63,7 +63,12 @@ impl FixedFilter {
         let mut add = |purpose, weights: &[f64]| {
             let mut responses = vec![0.0; plant.nu()];
             combination(&mut responses, weights, &plant.cb);
-            rows.push(FixedRow { purpose, weights: weights.to_vec(), responses, constant: 0.0 });
+            rows.push(FixedRow {
+                purpose,
+                weights: weights.to_vec(),
+                responses,
+                constant: 0.0,
+            });
         };
         for j in (0..ny).filter(|j| !decoupling.blind[*j]) {
             add(Purpose::Output(j), decoupling.test_rows.row(j));
@@ -84,7 +89,10 @@ impl FixedFilter {
         for (r, row) in rows.iter().enumerate() {
             combination(map.row_mut(nx + r), &row.weights, &plant.c);
         }
-        let mapped = plant.disturbance_generators.as_ref().map(|generators| map.to_dense() * generators.to_dense());
+        let mapped = plant
+            .disturbance_generators
+            .as_ref()
+            .map(|generators| map.to_dense() * generators.to_dense());
         for (r, row) in rows.iter_mut().enumerate() {
             row.constant = absolute_dot(&row.weights, &plant.noise);
             if let Some(mapped) = &mapped {
@@ -178,7 +186,11 @@ impl FixedFilter {
             let evaluated = residual.is_finite() && half_width.is_finite();
             outcome.lost |= !evaluated;
             outcome.note_sensitivity(half_width, row.responses.iter().copied());
-            let test = TestRow { residual, half_width, evaluated };
+            let test = TestRow {
+                residual,
+                half_width,
+                evaluated,
+            };
             match row.purpose {
                 Purpose::Output(j) => outcome.outputs[j] = test,
                 Purpose::Matched(slot) => outcome.matched[slot] = test,

@@ -79,7 +79,12 @@ impl KalmanFilter {
         let rv = DMatrix::from_diagonal(&nalgebra::DVector::from_column_slice(&noise_variance));
         let process = &weighted * weighted.transpose();
         let observed = &t * &process * t.transpose() + &n * rv * n.transpose();
-        Self { process: [Matrix::from(&observed), Matrix::from(&process)], observer, options, noise_variance }
+        Self {
+            process: [Matrix::from(&observed), Matrix::from(&process)],
+            observer,
+            options,
+            noise_variance,
+        }
     }
 
     /// Starts from the configured state and covariance.
@@ -164,11 +169,18 @@ impl KalmanFilter {
             let half_width = 3.0 * work.output_covariance[(j, j)].sqrt();
             let residual = work.innovation[j];
             let evaluated = residual.is_finite() && half_width.is_finite();
-            outcome.outputs[j] = TestRow { residual, half_width, evaluated };
+            outcome.outputs[j] = TestRow {
+                residual,
+                half_width,
+                evaluated,
+            };
         }
         let norm = dot(&work.innovation, &work.innovation).sqrt();
-        outcome.norm =
-            Some(TestRow { residual: norm, half_width: self.options.norm_threshold, evaluated: norm.is_finite() });
+        outcome.norm = Some(TestRow {
+            residual: norm,
+            half_width: self.options.norm_threshold,
+            evaluated: norm.is_finite(),
+        });
     }
 
     /// K = P⁻C'Σ⁻¹, x̂ = x⁻ + Kr, P = (I - KC)P⁻(I - KC)' + K Rv K'; false if Σ cannot be inverted.
@@ -185,7 +197,9 @@ impl KalmanFilter {
         let nx = state.centre.len();
         for i in 0..nx {
             for k in 0..nx {
-                let seen: f64 = (0..self.noise_variance.len()).map(|j| work.gain[(i, j)] * plant.c[(j, k)]).sum();
+                let seen: f64 = (0..self.noise_variance.len())
+                    .map(|j| work.gain[(i, j)] * plant.c[(j, k)])
+                    .sum();
                 work.correction[(i, k)] = f64::from(u8::from(i == k)) - seen;
             }
         }
@@ -193,7 +207,12 @@ impl KalmanFilter {
         multiply_transposed(&work.product, &work.correction, &mut state.covariance);
         for i in 0..nx {
             for k in 0..nx {
-                let weights = work.gain.row(i).iter().zip(work.gain.row(k)).zip(&self.noise_variance);
+                let weights = work
+                    .gain
+                    .row(i)
+                    .iter()
+                    .zip(work.gain.row(k))
+                    .zip(&self.noise_variance);
                 state.covariance[(i, k)] += weights.map(|((a, b), variance)| a * b * variance).sum::<f64>();
             }
         }

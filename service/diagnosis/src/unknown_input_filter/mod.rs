@@ -14,6 +14,7 @@ mod fixed_step;
 mod floors;
 mod gain;
 mod kalman;
+pub mod lti;
 mod missing;
 mod mode_filter;
 pub mod modes;
@@ -33,3 +34,6 @@ mod strip_reset;
 mod workspace;
 
 pub use bank::UnknownInputFilterBank;
+
+#[cfg(test)]
+mod facts_tests;

@@ -125,7 +125,11 @@ impl RowContext<'_> {
         if let Some(outward) = &self.outward {
             half_width = outward.half_width(half_width, row);
         }
-        TestRow { residual, half_width, evaluated: residual.is_finite() && half_width.is_finite() }
+        TestRow {
+            residual,
+            half_width,
+            evaluated: residual.is_finite() && half_width.is_finite(),
+        }
     }
 
     /// Estimate of the own fault `own` with the coefficients `row` of φ.
@@ -141,7 +145,10 @@ impl RowContext<'_> {
     /// w C B_j for every actuator j.
     pub fn responses<'a>(&'a self, row: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         (0..self.plant.nu()).map(move |j| {
-            row.iter().zip(&self.measured.received).map(|(weight, &output)| weight * self.plant.cb[(output, j)]).sum()
+            row.iter()
+                .zip(&self.measured.received)
+                .map(|(weight, &output)| weight * self.plant.cb[(output, j)])
+                .sum()
         })
     }
 

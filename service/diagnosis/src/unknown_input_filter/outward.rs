@@ -25,7 +25,8 @@ pub(crate) struct Outward<'a> {
 impl Outward<'_> {
     /// The half width `half_width` of the test row `row`, enlarged.
     pub fn half_width(&self, half_width: f64, row: &[f64]) -> f64 {
-        let mut out = half_width * (1.0 + self.epsilon) + 8.0 * self.epsilon * absolute_dot(row, self.output_size);
+        let mut out =
+            half_width * (1.0 + self.epsilon) + 8.0 * self.epsilon * absolute_dot(row, self.output_size);
         for (k, fault) in self.own_fault.iter().enumerate() {
             let (leak, size) = self.leak(row, k);
             out += (leak.abs() + 4.0 * self.epsilon * size) * fault;

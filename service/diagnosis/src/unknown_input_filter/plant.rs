@@ -46,7 +46,10 @@ pub(crate) struct IntervalBox {
 
 impl From<&Bounds> for IntervalBox {
     fn from(bounds: &Bounds) -> Self {
-        Self { centre: bounds.center().as_slice().to_vec(), radius: bounds.radius().as_slice().to_vec() }
+        Self {
+            centre: bounds.center().as_slice().to_vec(),
+            radius: bounds.radius().as_slice().to_vec(),
+        }
     }
 }
 
@@ -181,7 +184,12 @@ pub(crate) struct Command {
 impl Command {
     pub fn new(plant: &Plant) -> Self {
         let nu = plant.nu();
-        Self { centre: vec![0.0; nu], radius: vec![0.0; nu], exact: false, known: false }
+        Self {
+            centre: vec![0.0; nu],
+            radius: vec![0.0; nu],
+            exact: false,
+            known: false,
+        }
     }
 
     /// Takes the elements of `u`, NaN standing for a missing one.

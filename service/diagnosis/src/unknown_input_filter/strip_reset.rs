@@ -46,7 +46,14 @@ impl Strip {
         if !self.outward {
             return 0.0;
         }
-        let measured: f64 = self.gain.row(i).iter().zip(y).zip(noise).map(|((g, y), v)| g.abs() * (y.abs() + v)).sum();
+        let measured: f64 = self
+            .gain
+            .row(i)
+            .iter()
+            .zip(y)
+            .zip(noise)
+            .map(|((g, y), v)| g.abs() * (y.abs() + v))
+            .sum();
         1.01 * dot(self.identity_error.row(i), magnitude) + 4.0 * y.len() as f64 * UNIT_ROUNDOFF * measured
     }
 }
@@ -54,7 +61,13 @@ impl Strip {
 /// The set that one complete measurement gives, whatever the actuators do (method sheet 4.6).
 ///
 /// The strip must be available and the packet complete.
-pub(crate) fn reset_by_strip(plant: &Plant, strip: &Strip, y: &[f64], state: &mut SetState, work: &mut Workspace) {
+pub(crate) fn reset_by_strip(
+    plant: &Plant,
+    strip: &Strip,
+    y: &[f64],
+    state: &mut SetState,
+    work: &mut Workspace,
+) {
     let nx = plant.nx();
     apply(&strip.gain, y, &mut state.centre);
     state.generators.copy_from(&strip.generators);

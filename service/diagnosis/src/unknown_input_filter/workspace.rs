@@ -1,6 +1,8 @@
 //! Room for one filter step, shared by the filters of a bank.
 
-use super::{gain::GainChoice, kalman::KalmanWorkspace, missing::MissingData, plant::Plant, prediction::Prediction};
+use super::{
+    gain::GainChoice, kalman::KalmanWorkspace, missing::MissingData, plant::Plant, prediction::Prediction,
+};
 use crate::{
     matrix::Matrix,
     zonotope::{Reducer, Reduction},

@@ -1,7 +1,9 @@
 //! What varies from case to case: the kinds of plant, signal, loss and filter. All numbers follow from the seed.
 
 use proptest::prelude::*;
-use residual_diagnosis::unknown_input_filter::options::{GainRule, Initialisation, MissingPolicy, ResetRule, TestRule};
+use residual_diagnosis::unknown_input_filter::options::{
+    GainRule, Initialisation, MissingPolicy, ResetRule, TestRule,
+};
 
 /// Shape of noise and disturbance within their bounds.
 #[derive(Clone, Copy, Debug)]
@@ -99,7 +101,10 @@ pub fn cases() -> impl Strategy<Value = Case> {
         ],
         any::<bool>(),
     );
-    let form = (prop::bool::weighted(0.2), prop_oneof![Just(TestRule::Tight), Just(TestRule::Printed)]);
+    let form = (
+        prop::bool::weighted(0.2),
+        prop_oneof![Just(TestRule::Tight), Just(TestRule::Printed)],
+    );
     let filter = (
         prop_oneof![
             Just(GainRule::RowWise),

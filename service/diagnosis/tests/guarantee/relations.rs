@@ -14,7 +14,12 @@ use residual_diagnosis::unknown_input_filter::options::{
 };
 
 fn config(cases: u32) -> Config {
-    Config { cases, rng_seed: RngSeed::Fixed(7), failure_persistence: None, ..Config::default() }
+    Config {
+        cases,
+        rng_seed: RngSeed::Fixed(7),
+        failure_persistence: None,
+        ..Config::default()
+    }
 }
 
 /// Cases that start from the initial box and lose nothing, so that the first test of two banks starts from the
@@ -54,7 +59,13 @@ fn advance(bank: &mut UnknownInputFilterBank, sample: &Sample, instants: usize) 
     for k in 0..instants {
         record.flags = 0;
         let (measurements, commands) = (&sample.run.y[k], &sample.run.u[k]);
-        bank.step(&StepInput { measurements, commands }, &mut record);
+        bank.step(
+            &StepInput {
+                measurements,
+                commands,
+            },
+            &mut record,
+        );
     }
     record
 }
@@ -68,7 +79,11 @@ fn output_half_widths(bank: &UnknownInputFilterBank, record: &StepRecord) -> Vec
         .collect()
 }
 
-fn first_half_widths(model: &ModelOptions, options: &UnknownInputFilterOptions, sample: &Sample) -> Vec<(String, f64)> {
+fn first_half_widths(
+    model: &ModelOptions,
+    options: &UnknownInputFilterOptions,
+    sample: &Sample,
+) -> Vec<(String, f64)> {
     let mut bank = bank(model, options);
     let record = advance(&mut bank, sample, 2);
     output_half_widths(&bank, &record)
@@ -198,11 +213,16 @@ proptest! {
 fn the_strategy_draws_every_kind_of_case() {
     use proptest::strategy::ValueTree;
     let mut runner = proptest::test_runner::TestRunner::new(config(1));
-    let drawn: Vec<Case> =
-        (0..500).map(|_| super::case::cases().new_tree(&mut runner).unwrap().current()).collect();
+    let drawn: Vec<Case> = (0..500)
+        .map(|_| super::case::cases().new_tree(&mut runner).unwrap().current())
+        .collect();
     let has = |test: &dyn Fn(&Case) -> bool| drawn.iter().any(test);
     assert!(has(&|c| c.paper) && has(&|c| !c.paper && c.parity && c.pairs && c.outward_rounding));
     assert!(has(&|c| matches!(c.noise, Noise::Vertex)) && has(&|c| matches!(c.noise, Noise::Square)));
-    assert!(has(&|c| matches!(c.uncertainty, Uncertainty::Varying) && matches!(c.loss, Loss::Mixed)));
-    assert!(has(&|c| matches!(c.command, Command::Feedback) && c.gain == GainRule::Fixed));
+    assert!(has(
+        &|c| matches!(c.uncertainty, Uncertainty::Varying) && matches!(c.loss, Loss::Mixed)
+    ));
+    assert!(has(
+        &|c| matches!(c.command, Command::Feedback) && c.gain == GainRule::Fixed
+    ));
 }
