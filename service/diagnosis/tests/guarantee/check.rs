@@ -145,6 +145,9 @@ pub fn run(case: &Case) -> Result<Counts, String> {
             },
             &mut record,
         );
+        if !case.outward_rounding && lost_digits(&bank) {
+            break;
+        }
         if record.verdict() == Verdict::Starting {
             truth = FaultMode::FAULT_FREE;
             continue;
@@ -159,6 +162,14 @@ pub fn run(case: &Case) -> Result<Counts, String> {
     }
     counts.detections = u64::from(detected);
     Ok(counts)
+}
+
+/// Whether a set has grown so much (too low an order, a plant that is hard to see) that its centre has no
+/// digits left for the state; only outward rounding accounts for that.
+fn lost_digits(bank: &UnknownInputFilterBank) -> bool {
+    let sets = (0..bank.modes().len()).filter_map(|i| bank.state_set(i));
+    sets.flat_map(|(centre, radius)| centre.into_iter().chain(radius))
+        .any(|value| value.is_finite() && value.abs() > 1e6)
 }
 
 #[allow(clippy::too_many_arguments)]

@@ -38,7 +38,7 @@ fn check_guarantee(cases: u32, seed: u64) -> Counts {
 
 #[test]
 fn no_true_mode_alarms_and_truth_stays_inside_on_random_plants() {
-    let counts = check_guarantee(700, 1);
+    let counts = check_guarantee(600, 1);
     println!("{counts:?}");
     assert!(counts.tested_steps >= 100_000, "{counts:?}");
     assert!(

@@ -90,7 +90,7 @@ fn first_half_widths(
 }
 
 proptest! {
-    #![proptest_config(config(300))]
+    #![proptest_config(config(200))]
 
     #[test]
     fn the_row_wise_set_is_never_wider_than_the_frobenius_set_in_the_same_step(case in regular_cases()) {
