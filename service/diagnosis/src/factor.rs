@@ -77,7 +77,9 @@ impl PivotedQr {
     /// Number of leading diagonal elements of R above `tolerance` in magnitude.
     pub fn rank(&self, tolerance: f64) -> usize {
         let (rows, columns) = self.r.shape();
-        (0..rows.min(columns)).take_while(|&k| self.r[(k, k)].abs() > tolerance).count()
+        (0..rows.min(columns))
+            .take_while(|&k| self.r[(k, k)].abs() > tolerance)
+            .count()
     }
 
     /// Solves R11 X = Q1' for the leading `rank` columns; `inverse` becomes `rank` x rows.
@@ -194,6 +196,10 @@ mod tests {
         cholesky_solve(&factor, &mut x);
         let error = dense * nalgebra::DVector::from_vec(x) - nalgebra::DVector::from_vec(vec![1., 2., 3.]);
         assert!(error.amax() < 1e-14);
-        assert!(!cholesky(&mut Matrix::from(&DMatrix::from_row_slice(2, 2, &[1., 2., 2., 1.]))));
+        assert!(!cholesky(&mut Matrix::from(&DMatrix::from_row_slice(
+            2,
+            2,
+            &[1., 2., 2., 1.]
+        ))));
     }
 }

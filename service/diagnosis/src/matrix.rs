@@ -20,12 +20,20 @@ pub struct Matrix {
 impl Matrix {
     /// A zero matrix with room for exactly its own shape.
     pub fn zeros(rows: usize, columns: usize) -> Self {
-        Self { rows, columns, stride: columns, data: vec![0.0; rows * columns].into_boxed_slice() }
+        Self {
+            rows,
+            columns,
+            stride: columns,
+            data: vec![0.0; rows * columns].into_boxed_slice(),
+        }
     }
 
     /// A matrix with room for `rows` x `column_capacity` and no column yet.
     pub fn with_capacity(rows: usize, column_capacity: usize) -> Self {
-        Self { columns: 0, ..Self::zeros(rows, column_capacity) }
+        Self {
+            columns: 0,
+            ..Self::zeros(rows, column_capacity)
+        }
     }
 
     /// The shape (rows, columns).
@@ -111,8 +119,9 @@ impl Matrix {
         let first = self.columns;
         self.reshape(self.rows, first + source.columns);
         for i in 0..self.rows {
-            for (target, (value, factor)) in
-                self.row_mut(i)[first..].iter_mut().zip(source.row(i).iter().zip(scale))
+            for (target, (value, factor)) in self.row_mut(i)[first..]
+                .iter_mut()
+                .zip(source.row(i).iter().zip(scale))
             {
                 *target = value * factor;
             }
@@ -179,8 +188,12 @@ const LANES: usize = 8;
 fn sum_of(x: &[f64], y: &[f64], term: impl Fn(f64, f64) -> f64) -> f64 {
     let mut partial = [0.0; LANES];
     let (x_blocks, y_blocks) = (x.chunks_exact(LANES), y.chunks_exact(LANES));
-    let tail: f64 =
-        x_blocks.remainder().iter().zip(y_blocks.remainder()).map(|(a, b)| term(*a, *b)).sum();
+    let tail: f64 = x_blocks
+        .remainder()
+        .iter()
+        .zip(y_blocks.remainder())
+        .map(|(a, b)| term(*a, *b))
+        .sum();
     for (a, b) in x_blocks.zip(y_blocks) {
         for lane in 0..LANES {
             partial[lane] += term(a[lane], b[lane]);

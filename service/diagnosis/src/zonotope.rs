@@ -56,7 +56,9 @@ impl Reducer {
         self.order.extend(0..columns as u32);
         let scores = &self.scores;
         self.order.select_nth_unstable_by(kept_count, |&left, &right| {
-            scores[right as usize].total_cmp(&scores[left as usize]).then(left.cmp(&right))
+            scores[right as usize]
+                .total_cmp(&scores[left as usize])
+                .then(left.cmp(&right))
         });
         self.kept[..columns].fill(false);
         for &column in &self.order[..kept_count] {
@@ -96,9 +98,12 @@ impl Reducer {
                 largest.fill(0.0);
                 row_sums(matrix, &mut self.radius);
                 for i in 0..rows {
-                    let scale = if self.radius[i] > 0.0 { 1.0 / self.radius[i] } else { 0.0 };
-                    for ((score, most), value) in
-                        scores.iter_mut().zip(largest.iter_mut()).zip(matrix.row(i))
+                    let scale = if self.radius[i] > 0.0 {
+                        1.0 / self.radius[i]
+                    } else {
+                        0.0
+                    };
+                    for ((score, most), value) in scores.iter_mut().zip(largest.iter_mut()).zip(matrix.row(i))
                     {
                         let size = value.abs() * scale;
                         *score += size;

@@ -30,7 +30,12 @@ fn battery_bank(file: &Value, pairs: bool) -> UnknownInputFilterBank {
         options.filter.publish = residual_diagnosis::unknown_input_filter::options::Publish::Worst;
     }
     let mut bank = bank(&battery(), &options);
-    for (mode, gain) in bank.modes().to_vec().into_iter().zip(file["fixed_gain"].as_array().unwrap()) {
+    for (mode, gain) in bank
+        .modes()
+        .to_vec()
+        .into_iter()
+        .zip(file["fixed_gain"].as_array().unwrap())
+    {
         let gain = DMatrix::from_row_slice(5, 4, &numbers(gain));
         bank.load_fixed_gain(mode, &gain).unwrap();
     }
@@ -39,18 +44,34 @@ fn battery_bank(file: &Value, pairs: bool) -> UnknownInputFilterBank {
 
 fn modes(file: &Value) -> Vec<String> {
     let modes = file["modes"].as_array().unwrap().iter();
-    modes.map(|mode| integers(mode).iter().map(usize::to_string).collect::<Vec<_>>().join("_")).collect()
+    modes
+        .map(|mode| {
+            integers(mode)
+                .iter()
+                .map(usize::to_string)
+                .collect::<Vec<_>>()
+                .join("_")
+        })
+        .collect()
 }
 
 /// The channels of a mode in the order of the reference: projector rows, then matched rows.
 fn row_names(mode: &str) -> Vec<String> {
-    let others = (0..3).map(|j| j.to_string()).filter(|j| !mode.split('_').any(|own| own == j));
-    let rows = (0..4).map(|j| format!("output_{j}")).chain(others.map(|j| format!("matched_{j}")));
+    let others = (0..3)
+        .map(|j| j.to_string())
+        .filter(|j| !mode.split('_').any(|own| own == j));
+    let rows = (0..4)
+        .map(|j| format!("output_{j}"))
+        .chain(others.map(|j| format!("matched_{j}")));
     rows.map(|row| format!("mode_{mode}_{row}")).collect()
 }
 
 /// Runs a scenario; entry k is the instant k.
-fn run(bank: &mut UnknownInputFilterBank, scenario: &Value, mut look: impl FnMut(&UnknownInputFilterBank, usize, StepRecord)) {
+fn run(
+    bank: &mut UnknownInputFilterBank,
+    scenario: &Value,
+    mut look: impl FnMut(&UnknownInputFilterBank, usize, StepRecord),
+) {
     let (y, u) = (rows(&scenario["y"]), rows(&scenario["u"]));
     step(bank, &[0.0; 4], &u[0]);
     for k in 1..=y.len() {
@@ -67,7 +88,12 @@ fn rows_parity_tests_and_sets_agree_until_the_first_alarm() {
         let first_alarm = integers(&scenario["expected"]["alarms_time_mode"][0])[0];
         let mut checked = 0;
         run(&mut battery_bank(&file, false), scenario, |bank, k, record| {
-            let Some(expected) = checkpoints.iter().find(|point| point["k"] == k && k <= first_alarm) else { return };
+            let Some(expected) = checkpoints
+                .iter()
+                .find(|point| point["k"] == k && k <= first_alarm)
+            else {
+                return;
+            };
             checked += 1;
             for (i, mode) in modes(&file).iter().enumerate().take(3) {
                 let names = row_names(mode);
@@ -96,11 +122,15 @@ fn alarms_decisions_and_reset_sets_of_single_and_pair_modes_agree() {
                     alarms.push(vec![k, i]);
                 }
             }
-            let minimal = minimal_survivors(bank.modes(), bank.falsified()).map(Vec::from).collect::<Vec<_>>();
+            let minimal = minimal_survivors(bank.modes(), bank.falsified())
+                .map(Vec::from)
+                .collect::<Vec<_>>();
             if decisions.last().is_none_or(|last| last.2 != minimal) {
                 decisions.push((k, record.verdict(), minimal));
             }
-            let Some(point) = checkpoints.iter().find(|point| point["k"] == k) else { return };
+            let Some(point) = checkpoints.iter().find(|point| point["k"] == k) else {
+                return;
+            };
             for i in 0..6 {
                 let (centre, radius) = bank.state_set(i).unwrap();
                 let what = format!("mode {i} at {k}");
@@ -108,17 +138,32 @@ fn alarms_decisions_and_reset_sets_of_single_and_pair_modes_agree() {
                 assert_close(&what, &radius, &numbers(&point["radius"][i]), TOLERANCE);
             }
         });
-        let listed: Vec<Vec<usize>> = expected["alarms_time_mode"].as_array().unwrap().iter().map(integers).collect();
+        let listed: Vec<Vec<usize>> = expected["alarms_time_mode"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(integers)
+            .collect();
         assert_eq!(alarms, listed);
-        for (found, listed) in decisions.iter().zip(expected["decision_changes"].as_array().unwrap()) {
+        for (found, listed) in decisions
+            .iter()
+            .zip(expected["decision_changes"].as_array().unwrap())
+        {
             assert_eq!(found.0 as u64, listed[0]);
-            let verdict = if listed[1] == "none" { Verdict::Nominal } else { Verdict::Isolated };
+            let verdict = if listed[1] == "none" {
+                Verdict::Nominal
+            } else {
+                Verdict::Isolated
+            };
             assert_eq!(found.1, verdict);
             let minimal: Vec<Vec<usize>> = listed[2].as_array().unwrap().iter().map(integers).collect();
             if verdict == Verdict::Isolated {
                 assert_eq!(found.2, minimal);
             }
         }
-        assert_eq!(decisions.len(), expected["decision_changes"].as_array().unwrap().len());
+        assert_eq!(
+            decisions.len(),
+            expected["decision_changes"].as_array().unwrap().len()
+        );
     }
 }

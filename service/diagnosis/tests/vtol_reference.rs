@@ -33,21 +33,33 @@ fn check_rows(case: &Value, section: &str, prefixes: &[&str], names: &[&str]) {
     let listed = integers(&section["k"]);
     for (k, y) in y.iter().enumerate().skip(1) {
         let record = step(&mut bank, y, &[0.0, 0.0]);
-        let Some(position) = listed.iter().position(|listed| *listed == k) else { continue };
+        let Some(position) = listed.iter().position(|listed| *listed == k) else {
+            continue;
+        };
         let mut found = (Vec::new(), Vec::new());
         for prefix in prefixes {
             for name in names {
-                let matched = ["matched_0", "matched_1"].iter().find(|row| {
-                    *name == "matched" && bank.description_has(&format!("{prefix}_{row}"))
-                });
+                let matched = ["matched_0", "matched_1"]
+                    .iter()
+                    .find(|row| *name == "matched" && bank.description_has(&format!("{prefix}_{row}")));
                 let name = format!("{prefix}_{}", matched.unwrap_or(name));
                 let (residual, half_width) = residual_and_width(&bank, &record, &name);
                 found.0.push(residual);
                 found.1.push(half_width);
             }
         }
-        assert_close(&format!("residual at {k}"), &found.0, &numbers(&section["residual"][position]), TOLERANCE);
-        assert_close(&format!("half width at {k}"), &found.1, &numbers(&section["half_width"][position]), TOLERANCE);
+        assert_close(
+            &format!("residual at {k}"),
+            &found.0,
+            &numbers(&section["residual"][position]),
+            TOLERANCE,
+        );
+        assert_close(
+            &format!("half width at {k}"),
+            &found.1,
+            &numbers(&section["half_width"][position]),
+            TOLERANCE,
+        );
     }
 }
 
@@ -58,7 +70,10 @@ trait HasChannel {
 impl HasChannel for UnknownInputFilterBank {
     fn description_has(&self, name: &str) -> bool {
         use residual_diagnosis::diagnoser::Diagnoser;
-        self.description().channels.iter().any(|channel| channel.name == name)
+        self.description()
+            .channels
+            .iter()
+            .any(|channel| channel.name == name)
     }
 }
 
@@ -92,7 +107,9 @@ fn fault_estimates_and_parity_tests_agree() {
         let listed = integers(&section["k"]);
         for (k, y) in y.iter().enumerate().skip(1) {
             let record = step(&mut bank, y, &[0.0, 0.0]);
-            let Some(position) = listed.iter().position(|listed| *listed == k) else { continue };
+            let Some(position) = listed.iter().position(|listed| *listed == k) else {
+                continue;
+            };
             let (mut centre, mut radius) = (Vec::new(), Vec::new());
             for mode in 0..2 {
                 let estimate = channel(&bank, &record, &format!("mode_{mode}_fault_estimate_{mode}"));
@@ -106,11 +123,26 @@ fn fault_estimates_and_parity_tests_agree() {
                     }
                     let name = format!("mode_{mode}_parity_{}_{length}", 1 - mode);
                     let (residual, half_width) = residual_and_width(&bank, &record, &name);
-                    assert_close(&name, &[residual, half_width], &[expected[0][i], expected[1][i]], TOLERANCE);
+                    assert_close(
+                        &name,
+                        &[residual, half_width],
+                        &[expected[0][i], expected[1][i]],
+                        TOLERANCE,
+                    );
                 }
             }
-            assert_close("estimate", &centre, &numbers(&section["fault_estimate"][position]), TOLERANCE);
-            assert_close("radius", &radius, &numbers(&section["fault_estimate_radius"][position]), TOLERANCE);
+            assert_close(
+                "estimate",
+                &centre,
+                &numbers(&section["fault_estimate"][position]),
+                TOLERANCE,
+            );
+            assert_close(
+                "radius",
+                &radius,
+                &numbers(&section["fault_estimate_radius"][position]),
+                TOLERANCE,
+            );
         }
     }
 }
@@ -144,15 +176,29 @@ fn alarms_and_decisions_agree() {
             }
             decisions.push((k, single.verdict(), single.certainly_faulty));
         }
-        let mut expected: Vec<Value> = case["default"]["own_alarms_first_last_count"].as_array().unwrap().clone();
-        expected.extend(case["default"]["parity_alarms_first_last_count"].as_array().unwrap().clone());
+        let mut expected: Vec<Value> = case["default"]["own_alarms_first_last_count"]
+            .as_array()
+            .unwrap()
+            .clone();
+        expected.extend(
+            case["default"]["parity_alarms_first_last_count"]
+                .as_array()
+                .unwrap()
+                .clone(),
+        );
         expected.push(case["fault_free_mode"]["alarms_first_last_count"].clone());
         for (found, expected) in alarms.iter().zip(expected) {
-            let found = found.first().map(|first| vec![*first, found[found.len() - 1], found.len()]);
+            let found = found
+                .first()
+                .map(|first| vec![*first, found[found.len() - 1], found.len()]);
             assert_eq!(found, expected.as_array().map(|_| integers(&expected)), "{file}");
         }
         decisions.dedup_by_key(|(_, verdict, faulty)| (*verdict, *faulty));
         let isolated = integers(&case["default"]["decision_changes"][1][2][0])[0];
-        assert_eq!(decisions, [(1, Verdict::Nominal, 0), (102, Verdict::Isolated, 1 << isolated)], "{file}");
+        assert_eq!(
+            decisions,
+            [(1, Verdict::Nominal, 0), (102, Verdict::Isolated, 1 << isolated)],
+            "{file}"
+        );
     }
 }

@@ -2,31 +2,22 @@
 
 use super::{
     channels::{ChannelLayout, inputs_valid},
+    checks::CheckReport,
     decision::{Conclusion, Decision, decide},
-    error::ConstructionError,
-    fixed_gain::{FixedGain, Nominal},
-    fixed_step::FixedFilter,
-    kalman::{KalmanFilter, KalmanOptions},
+    filter::state_bound,
+    fixed_gain::Nominal,
     mode_filter::ModeFilter,
-    filter::{CoupledFilter, CoupledOptions, Workspace, reset_by_strip, state_bound},
     modes::FaultMode,
-    options::{Form, GainRule, Initialisation, Isolation, MissingPolicy, ResetRule, UnknownInputFilterOptions},
+    options::{Isolation, ResetRule},
     outcome::{Outcome, TestRow},
-    paper::PaperFilter,
     parity::ParityTest,
     parity_window::ParityWindow,
     plant::{Command, Measured, Plant},
     state::SetState,
+    strip_reset::reset_by_strip,
+    workspace::Workspace,
 };
-use crate::{
-    diagnoser::{Description, Diagnoser, StepInput, StepRecord, Verdict, flags},
-    matrix::Matrix,
-    model::LinearModel,
-};
-use nalgebra::DMatrix;
-
-/// Sweeps of the off-line run that finds the fixed gain (method sheet 3.3).
-const DESIGN_SWEEPS: usize = 6;
+use crate::diagnoser::{Description, Diagnoser, StepInput, StepRecord, Verdict, flags};
 
 /// One fault mode: its filter and its parity tests.
 pub(super) struct Mode {
@@ -60,9 +51,9 @@ pub(super) struct BankRules {
 }
 
 /// Where a filter that starts from the prior begins.
-struct Prior {
-    centre: Vec<f64>,
-    radius: Vec<f64>,
+pub(super) struct Prior {
+    pub centre: Vec<f64>,
+    pub radius: Vec<f64>,
 }
 
 /// A bank of zonotopic unknown-input set-membership filters.
@@ -81,128 +72,16 @@ pub struct UnknownInputFilterBank {
     pub(super) parity: Vec<Vec<TestRow>>,
     pub(super) hull: SetState,
     pub(super) state_bound: Vec<f64>,
-    mode_sets: Vec<FaultMode>,
-    command: Command,
-    prior: Option<Prior>,
-    nominal: Nominal,
-    layout: ChannelLayout,
-    description: Description,
+    pub(super) mode_sets: Vec<FaultMode>,
+    pub(super) command: Command,
+    pub(super) prior: Option<Prior>,
+    pub(super) nominal: Nominal,
+    pub(super) layout: ChannelLayout,
+    pub(super) description: Description,
+    pub(super) report: CheckReport,
 }
 
 impl UnknownInputFilterBank {
-    /// Builds the bank of a model.
-    ///
-    /// # Errors
-    /// [`ConstructionError`] with the entry of the configuration that is wrong.
-    pub fn new(model: LinearModel, options: &UnknownInputFilterOptions) -> Result<Self, ConstructionError> {
-        options.validate(&model)?;
-        let filter = &options.filter;
-        let order = filter.effective_generator_order();
-        let plant = Plant::new(&model, order, filter.outward_rounding && filter.form == Form::Coupled);
-        let mode_sets = options.bank.modes(plant.nu());
-        let nominal = Nominal::new(&model, &plant, filter);
-        let mut modes = Vec::new();
-        for &mode in &mode_sets {
-            let filter = Some(build_filter(&model, &plant, mode, options, &nominal)?);
-            modes.push(Mode { mode, filter, parity: Vec::new() });
-        }
-        for certificate in options.parity.certificates.iter().flatten() {
-            let test = ParityTest::new(certificate, &model, filter.outward_rounding)?;
-            if let Some(target) = modes.iter_mut().find(|target| target.mode == certificate.mode) {
-                target.parity.push(test);
-            }
-        }
-        let own = mode_sets.iter().map(|mode| mode.len()).max().unwrap_or(0);
-        let columns = plant.column_capacity(order, own);
-        let transitions = |mode: &Mode| mode.parity.iter().map(ParityTest::transitions).max().unwrap_or(0);
-        let state = BankState {
-            started: false,
-            command: vec![f64::NAN; plant.nu()],
-            sets: vec![SetState::new(plant.nx(), columns); modes.len()],
-            windows: modes
-                .iter()
-                .map(|mode| ParityWindow::new(&model, transitions(mode), filter.outward_rounding))
-                .collect(),
-            falsified: vec![false; modes.len()],
-            quiet: 0,
-        };
-        let outcomes: Vec<Outcome> =
-            mode_sets.iter().map(|&mode| Outcome::new(&plant, mode, filter.form)).collect();
-        let layout = ChannelLayout::new(&model, &modes, &outcomes, options)?;
-        Ok(Self {
-            rules: BankRules {
-                isolation: options.bank.isolation,
-                reset: options.bank.reset,
-                clear_samples: options.bank.clear_samples,
-                start_by_strip: match filter.initialisation {
-                    Initialisation::Prior => false,
-                    Initialisation::Strip => true,
-                    Initialisation::Auto => plant.strip.is_some(),
-                },
-            },
-            prior: model.initial_state().map(|prior| Prior {
-                centre: prior.center.as_slice().to_vec(),
-                radius: prior.radius.as_slice().to_vec(),
-            }),
-            description: Description {
-                method: "unknown_input_filter",
-                channels: layout.descriptions().to_vec(),
-                faults: model.actuators().iter().map(|actuator| actuator.name.clone()).collect(),
-                measurement_count: plant.ny(),
-                command_count: plant.nu(),
-            },
-            work: Workspace::new(&plant, order, own, filter.effective_reduction()),
-            measured: Measured::new(&plant),
-            outcomes,
-            parity: modes.iter().map(|mode| vec![TestRow::default(); mode.parity.len()]).collect(),
-            hull: SetState::new(plant.nx(), columns),
-            state_bound: vec![0.0; plant.nx()],
-            command: Command::new(&plant),
-            mode_sets,
-            nominal,
-            modes,
-            state,
-            layout,
-            plant,
-        })
-    }
-
-    /// Replaces the fixed gain L_fix of a mode (nx x ny) by one designed elsewhere. It is projected on LCF = F
-    /// before use. Call it before the first step.
-    ///
-    /// # Errors
-    /// [`ConstructionError`] if the mode has no filter, if the shape is wrong, or if the filter is not stable with
-    /// this gain.
-    pub fn load_fixed_gain(&mut self, mode: FaultMode, gain: &DMatrix<f64>) -> Result<(), ConstructionError> {
-        let shape = (self.plant.nx(), self.plant.ny());
-        let target = self.modes.iter_mut().find(|target| target.mode == mode);
-        let Some(filter) = target.and_then(|target| target.filter.as_mut()) else {
-            return Err(ConstructionError::FixedGainWithoutMode { mode });
-        };
-        if gain.shape() != shape {
-            return Err(ConstructionError::FixedGainShape { mode, actual: gain.shape(), expected: shape });
-        }
-        let gain = Matrix::from(gain);
-        let check = |coupled: &CoupledFilter| {
-            FixedGain::check(&self.plant, coupled, &gain, &self.nominal)
-                .ok_or(ConstructionError::NoStableFixedGain { mode })
-        };
-        match filter {
-            ModeFilter::Coupled(coupled) => {
-                let fixed = check(coupled)?;
-                coupled.set_fixed_candidate(&self.plant, &fixed.gain);
-            }
-            ModeFilter::Fixed(fixed) => {
-                let coupled = fixed.coupled().clone();
-                *fixed = FixedFilter::new(&self.plant, coupled.clone(), &check(&coupled)?);
-            }
-            ModeFilter::Paper(_) | ModeFilter::Kalman(_) => {
-                return Err(ConstructionError::FixedGainWithoutMode { mode });
-            }
-        }
-        Ok(())
-    }
-
     /// The modes of the bank, in the order of their channels.
     pub fn modes(&self) -> &[FaultMode] {
         &self.mode_sets
@@ -213,6 +92,11 @@ impl UnknownInputFilterBank {
         &self.state.falsified
     }
 
+    /// What the off-line checks found: isolability and warnings.
+    pub fn report(&self) -> &CheckReport {
+        &self.report
+    }
+
     /// What the falsified modes prove at present.
     pub fn conclusion(&self) -> Conclusion {
         decide(&self.mode_sets, &self.state.falsified)
@@ -220,10 +104,17 @@ impl UnknownInputFilterBank {
 
     /// Centre and radius of the set of the mode number `mode`; infinite radii where it is unbounded.
     ///
-    /// `None` while the bank has not started, while the set is lost, and for a mode that is not there.
+    /// For inspection; it allocates. `None` while the bank has not started, while the set is lost, and for a mode that is not there.
     pub fn state_set(&self, mode: usize) -> Option<(Vec<f64>, Vec<f64>)> {
-        let set = self.state.sets.get(mode).filter(|set| self.state.started && !set.void)?;
-        Some((set.centre.clone(), (0..set.centre.len()).map(|i| set.extent(i)).collect()))
+        let set = self
+            .state
+            .sets
+            .get(mode)
+            .filter(|set| self.state.started && !set.void)?;
+        Some((
+            set.centre.clone(),
+            (0..set.centre.len()).map(|i| set.extent(i)).collect(),
+        ))
     }
 
     fn advance(&mut self, y: &[f64], u: &[f64], record: &mut StepRecord) {
@@ -248,7 +139,8 @@ impl UnknownInputFilterBank {
         record.verdict = self.verdict(first, tested, &conclusion) as u32;
         record.certainly_faulty = conclusion.certainly_faulty;
         record.possibly_faulty = conclusion.possibly_faulty;
-        self.layout.write(&self.outcomes, &self.parity, &self.modes, &conclusion, record);
+        self.layout
+            .write(&self.outcomes, &self.parity, &self.modes, &conclusion, record);
     }
 
     /// Instant 0: the first sets.
@@ -279,7 +171,14 @@ impl UnknownInputFilterBank {
         let sets = self.state.sets.iter_mut().zip(&mut self.outcomes);
         for (mode, (set, outcome)) in self.modes.iter().zip(sets) {
             if let Some(filter) = &mode.filter {
-                filter.step(&self.plant, &self.command, &self.measured, set, &mut self.work, outcome);
+                filter.step(
+                    &self.plant,
+                    &self.command,
+                    &self.measured,
+                    set,
+                    &mut self.work,
+                    outcome,
+                );
             }
         }
     }
@@ -294,7 +193,11 @@ impl UnknownInputFilterBank {
             self.state.windows[i].push(y, &self.state.command, &self.state_bound);
             for (test, row) in mode.parity.iter().zip(&mut self.parity[i]) {
                 *row = match test.evaluate(&self.state.windows[i]) {
-                    Some((residual, half_width)) => TestRow { residual, half_width, evaluated: true },
+                    Some((residual, half_width)) => TestRow {
+                        residual,
+                        half_width,
+                        evaluated: true,
+                    },
                     None => TestRow::default(),
                 };
                 if row.evaluated {
@@ -311,7 +214,8 @@ impl UnknownInputFilterBank {
         for i in 0..self.modes.len() {
             let alarm = self.alarm(i);
             alarmed |= alarm;
-            self.state.falsified[i] = alarm || self.state.falsified[i] && self.rules.isolation == Isolation::Latched;
+            self.state.falsified[i] =
+                alarm || self.state.falsified[i] && self.rules.isolation == Isolation::Latched;
         }
         let mut reset = self.reset_lost_sets();
         if alarmed {
@@ -342,7 +246,8 @@ impl UnknownInputFilterBank {
     }
 
     fn verdict(&self, first: bool, tested: bool, conclusion: &Conclusion) -> Verdict {
-        let mut guarded = (0..self.modes.len()).filter(|&i| self.survives(i) && self.modes[i].filter.is_some());
+        let mut guarded =
+            (0..self.modes.len()).filter(|&i| self.survives(i) && self.modes[i].filter.is_some());
         if first {
             return Verdict::Starting;
         }
@@ -363,66 +268,6 @@ impl UnknownInputFilterBank {
             self.state.command.copy_from_slice(u);
         } else {
             self.state.command.fill(f64::NAN);
-        }
-    }
-}
-
-/// The filter of one mode in the configured form.
-fn build_filter(
-    model: &LinearModel,
-    plant: &Plant,
-    mode: FaultMode,
-    options: &UnknownInputFilterOptions,
-    nominal: &Nominal,
-) -> Result<ModeFilter, ConstructionError> {
-    let filter = &options.filter;
-    let order = filter.effective_generator_order();
-    let s = filter.s.as_ref().map(|s| DMatrix::from_fn(plant.nx(), plant.ny(), |i, j| s[i][j]));
-    match filter.form {
-        Form::Paper => Ok(ModeFilter::Paper(PaperFilter::new(plant, mode, s.as_ref(), filter.test, order))),
-        Form::Kalman3Sigma => {
-            let covariance = filter.initial_covariance.iter().flatten().flatten().copied();
-            let covariance = DMatrix::from_row_iterator(plant.nx(), plant.nx(), covariance);
-            let start = KalmanOptions {
-                initial_state: match model.initial_state() {
-                    Some(initial) => initial.center.as_slice().to_vec(),
-                    None => vec![0.0; plant.nx()],
-                },
-                initial_covariance: Matrix::from(&covariance),
-                norm_threshold: filter.residual_norm_threshold.unwrap_or(f64::INFINITY),
-            };
-            Ok(ModeFilter::Kalman(KalmanFilter::new(plant, mode, s.as_ref(), start)))
-        }
-        Form::Coupled => {
-            let shaping = s.map(|s| {
-                Matrix::from(&(DMatrix::identity(plant.ny(), plant.ny()) - model.c() * s))
-            });
-            let bounded = options.missing.policy == MissingPolicy::BoundedFault;
-            let coupled = CoupledOptions {
-                shaping: shaping.as_ref(),
-                fault_bound: options.missing.fault_bound.as_deref().filter(|_| bounded),
-                row_wise: filter.gain != GainRule::Frobenius,
-                sweeps: filter.gain_sweeps,
-                order,
-            };
-            let mut coupled_filter = CoupledFilter::new(plant, mode, &coupled);
-            if filter.gain == GainRule::Frobenius {
-                return Ok(ModeFilter::Coupled(coupled_filter));
-            }
-            let design = CoupledOptions { row_wise: true, sweeps: DESIGN_SWEEPS, ..coupled };
-            let fixed = FixedGain::design(plant, &CoupledFilter::new(plant, mode, &design), nominal);
-            match (fixed, filter.gain) {
-                (Some(fixed), GainRule::Fixed) => {
-                    Ok(ModeFilter::Fixed(FixedFilter::new(plant, coupled_filter, &fixed)))
-                }
-                (None, GainRule::Fixed) => Err(ConstructionError::NoStableFixedGain { mode }),
-                (fixed, _) => {
-                    if let Some(fixed) = fixed {
-                        coupled_filter.set_fixed_candidate(plant, &fixed.gain);
-                    }
-                    Ok(ModeFilter::Coupled(coupled_filter))
-                }
-            }
         }
     }
 }
@@ -448,6 +293,8 @@ impl Diagnoser for UnknownInputFilterBank {
         self.state.falsified.fill(false);
         self.state.quiet = 0;
         self.outcomes.iter_mut().for_each(Outcome::clear);
-        self.parity.iter_mut().for_each(|rows| rows.fill(TestRow::default()));
+        self.parity
+            .iter_mut()
+            .for_each(|rows| rows.fill(TestRow::default()));
     }
 }

@@ -131,16 +131,15 @@ impl Decoupling {
         received: &[usize],
     ) {
         let m = qr.q.rows();
-        let projector =
-            |i: usize, j: usize| dot(&qr.q.row(i)[test_rank..m], &qr.q.row(j)[test_rank..m]);
+        let projector = |i: usize, j: usize| dot(&qr.q.row(i)[test_rank..m], &qr.q.row(j)[test_rank..m]);
         self.test_rows.reshape(m, m);
         for i in 0..m {
             for j in 0..m {
                 self.test_rows[(i, j)] = match shaping {
                     None => projector(i, j),
-                    Some(_) => {
-                        (0..m).map(|k| shaping_element(shaping, received, i, k) * projector(k, j)).sum()
-                    }
+                    Some(_) => (0..m)
+                        .map(|k| shaping_element(shaping, received, i, k) * projector(k, j))
+                        .sum(),
                 };
             }
         }

@@ -2,7 +2,9 @@
 
 use thiserror::Error;
 
-use super::{certificate::CertificateError, modes::FaultMode, options_error::OptionsError};
+use super::{
+    certificate::CertificateError, checks::CheckError, modes::FaultMode, options_error::OptionsError,
+};
 
 /// Why a bank of unknown-input filters could not be built from a model and options.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -11,6 +13,9 @@ pub enum ConstructionError {
     /// Options that do not fit together or do not fit the model.
     #[error(transparent)]
     Options(#[from] OptionsError),
+    /// A mode that can never be falsified.
+    #[error(transparent)]
+    Check(#[from] CheckError),
     /// A certificate that does not belong to the model.
     #[error(transparent)]
     Certificate(#[from] CertificateError),

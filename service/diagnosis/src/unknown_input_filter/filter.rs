@@ -2,69 +2,21 @@
 
 use super::{
     decoupling::{Decoupling, Tolerances},
-    gain::{Candidates, GainChoice},
-    kalman::KalmanWorkspace,
-    missing::{MissingData, gain_coordinates},
+    gain::Candidates,
+    missing::gain_coordinates,
     modes::FaultMode,
     outcome::{Outcome, RowContext},
     outward::Outward,
-    plant::{Command, Measured, Plant, Strip},
+    plant::{Command, Measured, Plant},
     prediction::Prediction,
     state::SetState,
+    strip_reset::Strip,
+    workspace::Workspace,
 };
 use crate::{
     factor::PivotedQr,
     matrix::{Matrix, multiply, row_sums},
-    zonotope::{Reducer, Reduction},
 };
-
-/// Room that the filters of a bank share, since they step one after the other.
-#[derive(Clone, Debug)]
-pub(crate) struct Workspace {
-    pub prediction: Prediction,
-    pub choice: GainChoice,
-    pub missing: MissingData,
-    pub reducer: Reducer,
-    pub gain: Matrix,
-    pub scratch: Vec<f64>,
-    pub row: Vec<f64>,
-    signature: Vec<f64>,
-    /// |e| + R(Γ) + v.
-    pub spread_radius: Vec<f64>,
-    /// f̄.
-    pub own_fault: Vec<f64>,
-    /// Product with the stacked matrix of a fixed gain.
-    pub stacked: Matrix,
-    /// η.
-    pub error: Vec<f64>,
-    /// CH⁻H⁻'C' + V² of the paper's form, ny x ny.
-    pub square: Matrix,
-    pub kalman: KalmanWorkspace,
-}
-
-impl Workspace {
-    /// Room for filters of generator order `order` and modes of up to `own` actuators.
-    pub fn new(plant: &Plant, order: usize, own: usize, reduction: Reduction) -> Self {
-        let (nx, ny) = (plant.nx(), plant.ny());
-        let columns = plant.column_capacity(order, own);
-        Self {
-            prediction: Prediction::new(plant, columns),
-            choice: GainChoice::new(nx, ny, columns),
-            missing: MissingData::new(plant, own),
-            reducer: Reducer::new(reduction, nx, columns),
-            gain: Matrix::zeros(nx, ny),
-            scratch: vec![0.0; columns],
-            row: vec![0.0; ny],
-            signature: vec![0.0; ny],
-            spread_radius: vec![0.0; ny],
-            own_fault: vec![0.0; ny],
-            stacked: Matrix::zeros(nx + ny + plant.nu(), columns),
-            error: vec![0.0; nx],
-            square: Matrix::zeros(ny, ny),
-            kalman: KalmanWorkspace::new(plant),
-        }
-    }
-}
 
 /// Constants of one filter in the coupled form.
 #[derive(Clone, Debug)]
@@ -191,9 +143,15 @@ impl CoupledFilter {
 
     /// L of this step into `work.gain` (method sheet 4.2 steps 4 and 5).
     pub fn choose_gain(&self, plant: &Plant, measured: &Measured, regular: bool, work: &mut Workspace) {
-        let decoupling = if regular { &self.decoupling } else { &work.missing.decoupling };
-        let missing_strip = (work.missing.strip_available && self.row_wise)
-            .then_some((&work.missing.strip_rows, work.missing.strip_half_widths.as_slice()));
+        let decoupling = if regular {
+            &self.decoupling
+        } else {
+            &work.missing.decoupling
+        };
+        let missing_strip = (work.missing.strip_available && self.row_wise).then_some((
+            &work.missing.strip_rows,
+            work.missing.strip_half_widths.as_slice(),
+        ));
         let strip = match (&plant.strip, &self.strip_rows) {
             (Some(strip), Some(rows)) if regular => Some((rows, strip.radius.as_slice())),
             _ => missing_strip.filter(|_| !regular),
@@ -203,9 +161,12 @@ impl CoupledFilter {
             fixed: self.fixed_rows.as_ref().filter(|_| regular),
             sweeps: self.sweeps,
         };
-        let Prediction { generators, spread, .. } = &work.prediction;
+        let Prediction {
+            generators, spread, ..
+        } = &work.prediction;
         work.choice.prepare(decoupling, spread, &measured.noise);
-        work.choice.choose(decoupling, generators, spread, candidates, &mut work.gain);
+        work.choice
+            .choose(decoupling, generators, spread, candidates, &mut work.gain);
     }
 
     /// Test rows and fault estimates (method sheet 4.2 steps 6 and 7).
@@ -217,9 +178,19 @@ impl CoupledFilter {
         work: &mut Workspace,
         outcome: &mut Outcome,
     ) {
-        let decoupling = if regular { &self.decoupling } else { &work.missing.decoupling };
+        let decoupling = if regular {
+            &self.decoupling
+        } else {
+            &work.missing.decoupling
+        };
         let (m, rank) = (measured.count(), decoupling.rank());
-        bound_own_faults(decoupling, &work.prediction, measured, &mut work.spread_radius, &mut work.own_fault);
+        bound_own_faults(
+            decoupling,
+            &work.prediction,
+            measured,
+            &mut work.spread_radius,
+            &mut work.own_fault,
+        );
         let outward = (plant.epsilon > 0.0).then_some(Outward {
             epsilon: plant.epsilon,
             prediction_size: &work.prediction.size,
@@ -227,7 +198,12 @@ impl CoupledFilter {
             own_fault: &work.own_fault[..rank],
             decoupling,
         });
-        let context = RowContext { plant, measured, prediction: &work.prediction, outward };
+        let context = RowContext {
+            plant,
+            measured,
+            prediction: &work.prediction,
+            outward,
+        };
         context.test_outputs(decoupling, &mut work.scratch, outcome);
         let row = &mut work.row[..m];
         if decoupling.complete {
@@ -247,7 +223,8 @@ impl CoupledFilter {
         if regular || work.missing.separated {
             for k in 0..rank {
                 work.choice.estimate_row(decoupling, k, row);
-                outcome.estimates[decoupling.pivot[k]] = Some(context.estimate(row, &mut work.scratch));
+                let own = decoupling.pivot[k];
+                outcome.estimates[own] = context.estimate(row, own, &mut work.scratch);
             }
         }
     }
@@ -267,9 +244,18 @@ impl CoupledFilter {
             let correction = work.gain.row(i).iter().zip(&prediction.innovation[..m]);
             state.centre[i] = prediction.centre[i] + correction.map(|(l, e)| l * e).sum::<f64>();
         }
-        prediction.correct(&work.gain, &measured.noise, &mut work.scratch, &mut state.generators);
+        prediction.correct(
+            &work.gain,
+            &measured.noise,
+            &mut work.scratch,
+            &mut state.generators,
+        );
         if plant.epsilon > 0.0 {
-            let decoupling = if regular { &self.decoupling } else { &work.missing.decoupling };
+            let decoupling = if regular {
+                &self.decoupling
+            } else {
+                &work.missing.decoupling
+            };
             let outward = Outward {
                 epsilon: plant.epsilon,
                 prediction_size: &prediction.size,
@@ -338,7 +324,11 @@ pub(crate) fn fault_matrix(plant: &Plant, mode: FaultMode) -> Matrix {
 }
 
 /// The decoupling of a complete packet; the mode must have passed the checks of method sheet 3.1.
-pub(crate) fn complete_decoupling(plant: &Plant, fault_matrix: &Matrix, shaping: Option<&Matrix>) -> Decoupling {
+pub(crate) fn complete_decoupling(
+    plant: &Plant,
+    fault_matrix: &Matrix,
+    shaping: Option<&Matrix>,
+) -> Decoupling {
     let (nx, ny, own) = (plant.nx(), plant.ny(), fault_matrix.columns());
     let mut measured = Measured::new(plant);
     measured.receive(plant, &vec![0.0; ny]);
@@ -347,29 +337,14 @@ pub(crate) fn complete_decoupling(plant: &Plant, fault_matrix: &Matrix, shaping:
     let mut qr = PivotedQr::with_capacity(ny, own);
     qr.factor(&product);
     let mut out = Decoupling::with_capacity(nx, ny);
-    out.compute(&qr, fault_matrix, Tolerances { gain: 0.0, test: 0.0 }, shaping, &measured);
+    out.compute(
+        &qr,
+        fault_matrix,
+        Tolerances { gain: 0.0, test: 0.0 },
+        shaping,
+        &measured,
+    );
     out
-}
-
-/// The set that one complete measurement gives, whatever the actuators do (method sheet 4.6).
-///
-/// The strip must be available and the packet complete.
-pub(crate) fn reset_by_strip(plant: &Plant, strip: &Strip, y: &[f64], state: &mut SetState, work: &mut Workspace) {
-    let nx = plant.nx();
-    strip.centre(y, &mut state.centre);
-    state.generators.copy_from(&strip.generators);
-    if plant.epsilon > 0.0 {
-        for i in 0..nx {
-            state.radius[i] = state.centre[i].abs() + strip.radius[i];
-        }
-        for i in 0..nx {
-            work.error[i] = strip.rounding_error(i, &state.radius, y, &plant.noise).next_up();
-        }
-        state.generators.append_diagonal(&work.error);
-    }
-    state.unbounded.reshape(nx, 0);
-    state.void = false;
-    state.update_radius();
 }
 
 /// Guaranteed bound x̄ of |x| by the set (method sheet 4.4); infinite where there is none.

@@ -5,11 +5,12 @@
 
 use super::{
     decoupling::Decoupling,
-    filter::{CoupledFilter, Workspace},
+    filter::CoupledFilter,
     modes::FaultMode,
     options::FilterOptions,
     plant::{Command, Measured, Plant},
     state::SetState,
+    workspace::Workspace,
 };
 use crate::{
     matrix::{Matrix, all_finite},
@@ -56,7 +57,10 @@ impl Nominal {
                 (None, Some(strip)) => strip.radius.clone(),
                 (None, None) => vec![0.0; nx],
             },
-            state: options.nominal_state_magnitude.clone().unwrap_or_else(|| vec![0.0; nx]),
+            state: options
+                .nominal_state_magnitude
+                .clone()
+                .unwrap_or_else(|| vec![0.0; nx]),
             order: options.effective_generator_order(),
             reduction: options.effective_reduction(),
         }
@@ -102,7 +106,11 @@ impl FixedGain {
             }
         }
         let (matched_rows, estimate_rows) = run.rows(filter);
-        Some(Self { gain, matched_rows, estimate_rows })
+        Some(Self {
+            gain,
+            matched_rows,
+            estimate_rows,
+        })
     }
 }
 
@@ -113,7 +121,10 @@ pub(crate) fn transition(plant: &Plant, gain: &Matrix) -> DMatrix<f64> {
 }
 
 fn is_stable(transition: &DMatrix<f64>) -> bool {
-    transition.complex_eigenvalues().iter().all(|value| value.norm() < 1.0)
+    transition
+        .complex_eigenvalues()
+        .iter()
+        .all(|value| value.norm() < 1.0)
 }
 
 /// L0 + (L - L0) P: the same gain with L C F = F to rounding.
@@ -143,12 +154,20 @@ impl NominalRun {
         let mut measured = Measured::new(&plant);
         measured.receive(&plant, &vec![0.0; plant.ny()]);
         let work = Workspace::new(&plant, nominal.order, mode.len(), nominal.reduction);
-        Self { plant, state, work, command, measured }
+        Self {
+            plant,
+            state,
+            work,
+            command,
+            measured,
+        }
     }
 
     fn predict(&mut self, nominal: &Nominal) {
         self.state.centre.copy_from_slice(&nominal.state);
-        self.work.prediction.predict(&self.plant, &self.state, &self.command, None);
+        self.work
+            .prediction
+            .predict(&self.plant, &self.state, &self.command, None);
         self.work.prediction.observe(&self.measured);
     }
 
@@ -159,7 +178,9 @@ impl NominalRun {
 
     fn rows(&mut self, filter: &CoupledFilter) -> (Vec<Option<Vec<f64>>>, Vec<Vec<f64>>) {
         let (plant, decoupling) = (&self.plant, &filter.decoupling);
-        self.work.choice.prepare(decoupling, &self.work.prediction.spread, &plant.noise);
+        self.work
+            .choice
+            .prepare(decoupling, &self.work.prediction.spread, &plant.noise);
         let mut row = vec![0.0; plant.ny()];
         let matched = filter.mode.other_actuators(plant.nu()).map(|actuator| {
             let signature: Vec<f64> = (0..plant.ny()).map(|j| plant.cb[(j, actuator)]).collect();

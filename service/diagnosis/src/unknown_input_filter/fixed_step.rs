@@ -5,12 +5,13 @@
 //! packets and unbounded sets take the general step.
 
 use super::{
-    filter::{CoupledFilter, Workspace},
+    filter::CoupledFilter,
     fixed_gain::FixedGain,
     outcome::{FaultEstimate, Outcome, TestRow},
     outward::Outward,
     plant::{Command, Measured, Plant},
     state::SetState,
+    workspace::Workspace,
 };
 use crate::matrix::{Matrix, absolute_dot, absolute_sum, combination, dot, multiply};
 use nalgebra::DMatrix;
@@ -62,7 +63,12 @@ impl FixedFilter {
         let mut add = |purpose, weights: &[f64]| {
             let mut responses = vec![0.0; plant.nu()];
             combination(&mut responses, weights, &plant.cb);
-            rows.push(FixedRow { purpose, weights: weights.to_vec(), responses, constant: 0.0 });
+            rows.push(FixedRow {
+                purpose,
+                weights: weights.to_vec(),
+                responses,
+                constant: 0.0,
+            });
         };
         for j in (0..ny).filter(|j| !decoupling.blind[*j]) {
             add(Purpose::Output(j), decoupling.test_rows.row(j));
@@ -83,7 +89,10 @@ impl FixedFilter {
         for (r, row) in rows.iter().enumerate() {
             combination(map.row_mut(nx + r), &row.weights, &plant.c);
         }
-        let mapped = plant.disturbance_generators.as_ref().map(|generators| map.to_dense() * generators.to_dense());
+        let mapped = plant
+            .disturbance_generators
+            .as_ref()
+            .map(|generators| map.to_dense() * generators.to_dense());
         for (r, row) in rows.iter_mut().enumerate() {
             row.constant = absolute_dot(&row.weights, &plant.noise);
             if let Some(mapped) = &mapped {
@@ -166,9 +175,9 @@ impl FixedFilter {
                 + row.constant;
             if let Purpose::Estimate(own) = row.purpose {
                 if let Some(outward) = outward {
-                    half_width = outward.estimate_radius(half_width, &row.weights, residual);
+                    half_width = outward.estimate_radius(half_width, &row.weights, own, residual);
                 }
-                outcome.estimates[own] = Some(FaultEstimate { centre: residual, radius: half_width });
+                outcome.estimates[own] = FaultEstimate::finite(residual, half_width);
                 continue;
             }
             if let Some(outward) = outward {
@@ -177,7 +186,11 @@ impl FixedFilter {
             let evaluated = residual.is_finite() && half_width.is_finite();
             outcome.lost |= !evaluated;
             outcome.note_sensitivity(half_width, row.responses.iter().copied());
-            let test = TestRow { residual, half_width, evaluated };
+            let test = TestRow {
+                residual,
+                half_width,
+                evaluated,
+            };
             match row.purpose {
                 Purpose::Output(j) => outcome.outputs[j] = test,
                 Purpose::Matched(slot) => outcome.matched[slot] = test,

@@ -18,7 +18,12 @@ pub(super) struct Floors {
 impl Floors {
     /// `of_interest`: the faults that must stay detectable, length nu.
     pub fn new(actuators: usize, of_interest: Option<Vec<f64>>) -> Self {
-        Self { detectable: vec![f64::INFINITY; actuators], isolable: vec![f64::NAN; actuators], of_interest, tested: false }
+        Self {
+            detectable: vec![f64::INFINITY; actuators],
+            isolable: vec![f64::NAN; actuators],
+            of_interest,
+            tested: false,
+        }
     }
 
     /// Forgets the last instant.
@@ -41,16 +46,30 @@ impl Floors {
     /// Whether a fault of interest is below what is certainly detected; false at an instant without a test.
     pub fn inert(&self) -> bool {
         let of_interest = self.of_interest.as_deref().unwrap_or(&[]);
-        self.tested && self.detectable.iter().zip(of_interest).any(|(floor, size)| floor > size)
+        self.tested
+            && self
+                .detectable
+                .iter()
+                .zip(of_interest)
+                .any(|(floor, size)| floor > size)
     }
 
     /// `detectable_fault_j`, then `isolable_fault_j`: from 0 to the fault of interest, without an alarm.
     pub fn channels(&self) -> impl Iterator<Item = Channel> + '_ {
         let limit = |j: usize| self.of_interest.as_ref().map_or(f64::INFINITY, |sizes| sizes[j]);
-        let both = self.detectable.iter().enumerate().chain(self.isolable.iter().enumerate());
+        let both = self
+            .detectable
+            .iter()
+            .enumerate()
+            .chain(self.isolable.iter().enumerate());
         both.map(move |(j, &floor)| {
             if self.tested && floor.is_finite() {
-                Channel { lower: 0.0, residual: floor, upper: limit(j), ratio: 0.0 }
+                Channel {
+                    lower: 0.0,
+                    residual: floor,
+                    upper: limit(j),
+                    ratio: 0.0,
+                }
             } else {
                 Channel::NOT_EVALUATED
             }

@@ -189,8 +189,9 @@ impl GainChoice {
         }
         self.weighted_factor.reshape(z, z);
         for k in 0..z {
-            for (target, (value, weight)) in
-                self.weighted[..width].iter_mut().zip(self.basis.row(k).iter().zip(&self.residual))
+            for (target, (value, weight)) in self.weighted[..width]
+                .iter_mut()
+                .zip(self.basis.row(k).iter().zip(&self.residual))
             {
                 *target = value * weight;
             }
@@ -210,13 +211,21 @@ impl GainChoice {
     /// received outputs. False if the fault cannot be seen. Needs [`Self::prepare`].
     pub fn matched_row(&mut self, decoupling: &Decoupling, signature: &[f64], row: &mut [f64]) -> bool {
         let z = self.basis.rows();
-        for (target, basis) in self.candidate[..z].iter_mut().zip(decoupling.null_basis.iter_rows()) {
+        for (target, basis) in self.candidate[..z]
+            .iter_mut()
+            .zip(decoupling.null_basis.iter_rows())
+        {
             *target = dot(basis, signature);
         }
         combination(&mut self.best[..z], &self.candidate[..z], &self.inverse);
         combination(row, &self.best[..z], &decoupling.null_basis);
         let size = dot(&self.best[..z], &self.best[..z]).sqrt();
-        let scale: f64 = self.inverse.iter_rows().map(|row| dot(row, row)).sum::<f64>().sqrt();
+        let scale: f64 = self
+            .inverse
+            .iter_rows()
+            .map(|row| dot(row, row))
+            .sum::<f64>()
+            .sqrt();
         if !(size > 1e-9 * scale * dot(signature, signature).sqrt() && size.is_finite()) {
             return false;
         }

@@ -46,6 +46,7 @@ pub(crate) struct KalmanWorkspace {
     innovation: Vec<f64>,
     covariance: Matrix,
     product: Matrix,
+    correction: Matrix,
     cross: Matrix,
     output_covariance: Matrix,
     factor: Matrix,
@@ -60,6 +61,7 @@ impl KalmanWorkspace {
             innovation: vec![0.0; ny],
             covariance: Matrix::zeros(nx, nx),
             product: Matrix::zeros(nx, nx),
+            correction: Matrix::zeros(nx, nx),
             cross: Matrix::zeros(nx, ny),
             output_covariance: Matrix::zeros(ny, ny),
             factor: Matrix::zeros(ny, ny),
@@ -77,7 +79,12 @@ impl KalmanFilter {
         let rv = DMatrix::from_diagonal(&nalgebra::DVector::from_column_slice(&noise_variance));
         let process = &weighted * weighted.transpose();
         let observed = &t * &process * t.transpose() + &n * rv * n.transpose();
-        Self { process: [Matrix::from(&observed), Matrix::from(&process)], observer, options, noise_variance }
+        Self {
+            process: [Matrix::from(&observed), Matrix::from(&process)],
+            observer,
+            options,
+            noise_variance,
+        }
     }
 
     /// Starts from the configured state and covariance.
@@ -106,7 +113,7 @@ impl KalmanFilter {
         self.predict(plant, command, measured, complete, state, work);
         if complete {
             self.test(plant, measured, work, outcome);
-            if !self.correct(state, work) {
+            if !self.correct(plant, state, work) {
                 state.void = true;
             }
         } else {
@@ -162,15 +169,22 @@ impl KalmanFilter {
             let half_width = 3.0 * work.output_covariance[(j, j)].sqrt();
             let residual = work.innovation[j];
             let evaluated = residual.is_finite() && half_width.is_finite();
-            outcome.outputs[j] = TestRow { residual, half_width, evaluated };
+            outcome.outputs[j] = TestRow {
+                residual,
+                half_width,
+                evaluated,
+            };
         }
         let norm = dot(&work.innovation, &work.innovation).sqrt();
-        outcome.norm =
-            Some(TestRow { residual: norm, half_width: self.options.norm_threshold, evaluated: norm.is_finite() });
+        outcome.norm = Some(TestRow {
+            residual: norm,
+            half_width: self.options.norm_threshold,
+            evaluated: norm.is_finite(),
+        });
     }
 
     /// K = P⁻C'Σ⁻¹, x̂ = x⁻ + Kr, P = (I - KC)P⁻(I - KC)' + K Rv K'; false if Σ cannot be inverted.
-    fn correct(&self, state: &mut SetState, work: &mut KalmanWorkspace) -> bool {
+    fn correct(&self, plant: &Plant, state: &mut SetState, work: &mut KalmanWorkspace) -> bool {
         work.factor.copy_from(&work.output_covariance);
         if !cholesky(&mut work.factor) {
             return false;
@@ -180,17 +194,26 @@ impl KalmanFilter {
             cholesky_solve(&work.factor, work.gain.row_mut(i));
             state.centre[i] = work.predicted[i] + dot(work.gain.row(i), &work.innovation);
         }
-        // The symmetric form multiplied out: P⁻ - K(CP⁻) - (CP⁻)'K' + KΣK'.
         let nx = state.centre.len();
         for i in 0..nx {
-            for j in 0..nx {
-                let (ki, kj) = (work.gain.row(i), work.gain.row(j));
-                let mut spread = 0.0;
-                for (weight, row) in ki.iter().zip(work.output_covariance.iter_rows()) {
-                    spread += weight * dot(row, kj);
-                }
-                let mixed = dot(ki, work.cross.row(j)) + dot(kj, work.cross.row(i));
-                state.covariance[(i, j)] = work.covariance[(i, j)] - mixed + spread;
+            for k in 0..nx {
+                let seen: f64 = (0..self.noise_variance.len())
+                    .map(|j| work.gain[(i, j)] * plant.c[(j, k)])
+                    .sum();
+                work.correction[(i, k)] = f64::from(u8::from(i == k)) - seen;
+            }
+        }
+        multiply(&work.correction, &work.covariance, &mut work.product);
+        multiply_transposed(&work.product, &work.correction, &mut state.covariance);
+        for i in 0..nx {
+            for k in 0..nx {
+                let weights = work
+                    .gain
+                    .row(i)
+                    .iter()
+                    .zip(work.gain.row(k))
+                    .zip(&self.noise_variance);
+                state.covariance[(i, k)] += weights.map(|((a, b), variance)| a * b * variance).sum::<f64>();
             }
         }
         true

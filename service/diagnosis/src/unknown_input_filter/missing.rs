@@ -86,8 +86,12 @@ impl MissingData {
         multiply(&measured.c, &self.unknown, &mut self.product);
         self.qr.factor(&self.product);
         let scale = norm(&measured.c) * norm(&self.unknown);
-        let tolerances = Tolerances { gain: GAIN_TOLERANCE * scale, test: ROUNDING_TOLERANCE * scale };
-        self.decoupling.compute(&self.qr, &self.unknown, tolerances, shaping, measured);
+        let tolerances = Tolerances {
+            gain: GAIN_TOLERANCE * scale,
+            test: ROUNDING_TOLERANCE * scale,
+        };
+        self.decoupling
+            .compute(&self.qr, &self.unknown, tolerances, shaping, measured);
         self.bounded = bounded_policy && !self.decoupling.complete && state.unbounded.columns() == 0;
         self.separated = self.decoupling.complete && state.unbounded.columns() == 0;
         if self.bounded {
@@ -105,7 +109,8 @@ impl MissingData {
         multiply(&plant.a0, &state.unbounded, &mut self.span);
         let nx = plant.nx();
         for i in 0..nx {
-            let reached = (0..nx).any(|k| plant.a_plus[(i, k)] > 0.0 && absolute_sum(state.unbounded.row(k)) > 0.0);
+            let reached =
+                (0..nx).any(|k| plant.a_plus[(i, k)] > 0.0 && absolute_sum(state.unbounded.row(k)) > 0.0);
             if reached {
                 let column = self.span.columns();
                 self.span.reshape(nx, column + 1);
@@ -130,7 +135,9 @@ impl MissingData {
         let rank = self.span_qr.rank(ROUNDING_TOLERANCE);
         self.span.reshape(nx, rank);
         for i in 0..nx {
-            self.span.row_mut(i).copy_from_slice(&self.span_qr.q.row(i)[..rank]);
+            self.span
+                .row_mut(i)
+                .copy_from_slice(&self.span_qr.q.row(i)[..rank]);
         }
     }
 
@@ -170,7 +177,9 @@ impl MissingData {
             }
             for i in 0..nx {
                 let corrected = gain.row(i).iter().zip(measured.c.iter_rows());
-                let correction: f64 = corrected.map(|(weight, row)| weight * dot(row, &self.direction)).sum();
+                let correction: f64 = corrected
+                    .map(|(weight, row)| weight * dot(row, &self.direction))
+                    .sum();
                 self.span[(i, target)] = self.direction[i] - correction;
             }
         }

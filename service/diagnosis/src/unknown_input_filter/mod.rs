@@ -4,6 +4,7 @@ mod bank;
 pub mod certificate;
 mod channels;
 pub mod checks;
+mod construction;
 pub mod decision;
 mod decoupling;
 pub mod error;
@@ -13,6 +14,7 @@ mod fixed_step;
 mod floors;
 mod gain;
 mod kalman;
+pub mod lti;
 mod missing;
 mod mode_filter;
 pub mod modes;
@@ -28,5 +30,10 @@ mod plant;
 mod prediction;
 mod reset;
 mod state;
+mod strip_reset;
+mod workspace;
 
 pub use bank::UnknownInputFilterBank;
+
+#[cfg(test)]
+mod facts_tests;

@@ -1,13 +1,14 @@
 //! The filter of one fault mode in the configured form.
 
 use super::{
-    filter::{CoupledFilter, Workspace},
+    filter::CoupledFilter,
     fixed_step::FixedFilter,
     kalman::KalmanFilter,
     outcome::Outcome,
     paper::PaperFilter,
     plant::{Command, Measured, Plant},
     state::SetState,
+    workspace::Workspace,
 };
 
 /// One filter; see the module of each form.

@@ -1,8 +1,8 @@
 //! What a user can set for a bank of unknown-input filters (method sheet 7).
 
 use super::certificate::ParityCertificate;
-pub use crate::zonotope::Reduction;
 use super::modes::{FaultMode, enumerate_modes};
+pub use crate::zonotope::Reduction;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
 /// The part of a diagnoser's table that belongs to `method = "unknown_input_filter"`, without its model.

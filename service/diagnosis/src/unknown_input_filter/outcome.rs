@@ -33,6 +33,13 @@ pub(crate) struct FaultEstimate {
     pub radius: f64,
 }
 
+impl FaultEstimate {
+    /// An estimate of finite numbers, else none.
+    pub fn finite(centre: f64, radius: f64) -> Option<Self> {
+        (centre.is_finite() && radius.is_finite()).then_some(Self { centre, radius })
+    }
+}
+
 /// All that one filter says at one instant.
 #[derive(Clone, Debug)]
 pub(crate) struct Outcome {
@@ -118,23 +125,30 @@ impl RowContext<'_> {
         if let Some(outward) = &self.outward {
             half_width = outward.half_width(half_width, row);
         }
-        TestRow { residual, half_width, evaluated: residual.is_finite() && half_width.is_finite() }
+        TestRow {
+            residual,
+            half_width,
+            evaluated: residual.is_finite() && half_width.is_finite(),
+        }
     }
 
-    /// Estimate with the coefficients `row` of φ.
-    pub fn estimate(&self, row: &[f64], scratch: &mut [f64]) -> FaultEstimate {
+    /// Estimate of the own fault `own` with the coefficients `row` of φ.
+    pub fn estimate(&self, row: &[f64], own: usize, scratch: &mut [f64]) -> Option<FaultEstimate> {
         let centre = dot(row, &self.prediction.innovation[..row.len()]);
         let mut radius = self.spread(row, scratch);
         if let Some(outward) = &self.outward {
-            radius = outward.estimate_radius(radius, row, centre);
+            radius = outward.estimate_radius(radius, row, own, centre);
         }
-        FaultEstimate { centre, radius }
+        FaultEstimate::finite(centre, radius)
     }
 
     /// w C B_j for every actuator j.
     pub fn responses<'a>(&'a self, row: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         (0..self.plant.nu()).map(move |j| {
-            row.iter().zip(&self.measured.received).map(|(weight, &output)| weight * self.plant.cb[(output, j)]).sum()
+            row.iter()
+                .zip(&self.measured.received)
+                .map(|(weight, &output)| weight * self.plant.cb[(output, j)])
+                .sum()
         })
     }
 

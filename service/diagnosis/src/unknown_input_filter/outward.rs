@@ -25,7 +25,8 @@ pub(crate) struct Outward<'a> {
 impl Outward<'_> {
     /// The half width `half_width` of the test row `row`, enlarged.
     pub fn half_width(&self, half_width: f64, row: &[f64]) -> f64 {
-        let mut out = half_width * (1.0 + self.epsilon) + 8.0 * self.epsilon * absolute_dot(row, self.output_size);
+        let mut out =
+            half_width * (1.0 + self.epsilon) + 8.0 * self.epsilon * absolute_dot(row, self.output_size);
         for (k, fault) in self.own_fault.iter().enumerate() {
             let (leak, size) = self.leak(row, k);
             out += (leak.abs() + 4.0 * self.epsilon * size) * fault;
@@ -33,10 +34,17 @@ impl Outward<'_> {
         out
     }
 
-    /// The radius of the fault `estimate` with coefficients `row`, enlarged.
-    pub fn estimate_radius(&self, radius: f64, row: &[f64], estimate: f64) -> f64 {
+    /// The radius of the estimate `estimate` of the own fault `own` with coefficients `row`, enlarged; this
+    /// includes what `row` C F1 differs from the unit row times the bound of the faults.
+    pub fn estimate_radius(&self, radius: f64, row: &[f64], own: usize, estimate: f64) -> f64 {
         let size = absolute_dot(row, self.output_size) + estimate.abs();
-        radius * (1.0 + self.epsilon) + 8.0 * self.epsilon * size
+        let mut out = radius * (1.0 + self.epsilon) + 8.0 * self.epsilon * size;
+        for (k, fault) in self.own_fault.iter().enumerate() {
+            let (leak, size) = self.leak(row, k);
+            let unit = f64::from(u8::from(self.decoupling.pivot[k] == own));
+            out += ((unit - leak).abs() + 4.0 * self.epsilon * size) * fault;
+        }
+        out
     }
 
     /// η of state row `i` corrected with the row `gain` of L.

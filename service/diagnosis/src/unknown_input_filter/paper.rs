@@ -10,12 +10,13 @@
 
 use super::{
     decoupling::Decoupling,
-    filter::{Workspace, complete_decoupling, fault_matrix},
+    filter::{complete_decoupling, fault_matrix},
     modes::FaultMode,
     options::TestRule,
     outcome::{Outcome, RowContext, TestRow},
     plant::{Command, Measured, Plant},
     state::SetState,
+    workspace::Workspace,
 };
 use crate::{
     factor::{cholesky, cholesky_solve},
@@ -38,9 +39,8 @@ impl UnknownInputObserver {
     /// `s` is S (nx x ny), zero in the fault-free mode, where T = I and N = 0.
     pub fn new(plant: &Plant, mode: FaultMode, s: Option<&DMatrix<f64>>) -> Self {
         let s = s.filter(|_| !mode.is_empty());
-        let shaping = s.map(|s| {
-            Matrix::from(&(DMatrix::identity(plant.ny(), plant.ny()) - plant.c.to_dense() * s))
-        });
+        let shaping =
+            s.map(|s| Matrix::from(&(DMatrix::identity(plant.ny(), plant.ny()) - plant.c.to_dense() * s)));
         let decoupling = complete_decoupling(plant, &fault_matrix(plant, mode), shaping.as_ref());
         let basis = decoupling.null_basis.to_dense();
         let mut n = decoupling.gain.to_dense();
@@ -48,7 +48,12 @@ impl UnknownInputObserver {
             n += s * basis.transpose() * basis;
         }
         let t = DMatrix::identity(plant.nx(), plant.nx()) - &n * plant.c.to_dense();
-        Self { ta0: Matrix::from(&(&t * plant.a0.to_dense())), t: Matrix::from(&t), n: Matrix::from(&n), decoupling }
+        Self {
+            ta0: Matrix::from(&(&t * plant.a0.to_dense())),
+            t: Matrix::from(&t),
+            n: Matrix::from(&n),
+            decoupling,
+        }
     }
 }
 
@@ -111,7 +116,8 @@ impl PaperFilter {
             for (i, centre) in state.centre.iter_mut().enumerate() {
                 *centre = work.prediction.centre[i] + dot(work.gain.row(i), &work.prediction.innovation);
             }
-            work.prediction.correct(&work.gain, &plant.noise, &mut work.scratch, &mut state.generators);
+            work.prediction
+                .correct(&work.gain, &plant.noise, &mut work.scratch, &mut state.generators);
             work.reducer.reduce(&mut state.generators, self.order);
             state.update_radius();
         }
@@ -136,8 +142,11 @@ impl PaperFilter {
         for spread_of_set in [false, true] {
             for i in 0..plant.nx() {
                 let row = plant.a_plus.row(i);
-                work.error[i] =
-                    if spread_of_set { dot(row, &state.radius) } else { signless_dot(row, &state.centre) };
+                work.error[i] = if spread_of_set {
+                    dot(row, &state.radius)
+                } else {
+                    signless_dot(row, &state.centre)
+                };
             }
             prediction.generators.append_scaled(&observer.t, &work.error);
         }
@@ -160,7 +169,12 @@ impl PaperFilter {
     fn test(&self, plant: &Plant, measured: &Measured, work: &Workspace, outcome: &mut Outcome) {
         let prediction = &work.prediction;
         let decoupling = &self.observer.decoupling;
-        let context = RowContext { plant, measured, prediction, outward: None };
+        let context = RowContext {
+            plant,
+            measured,
+            prediction,
+            outward: None,
+        };
         let shared = prediction.spread.columns() - plant.ny();
         for j in 0..plant.ny() {
             let row = prediction.spread.row(j);
@@ -174,7 +188,11 @@ impl PaperFilter {
             let residual = prediction.innovation[j];
             let evaluated = residual.is_finite() && half_width.is_finite();
             outcome.lost |= !evaluated;
-            outcome.outputs[j] = TestRow { residual, half_width, evaluated };
+            outcome.outputs[j] = TestRow {
+                residual,
+                half_width,
+                evaluated,
+            };
             if !decoupling.blind[j] {
                 outcome.note_sensitivity(half_width, context.responses(decoupling.test_rows.row(j)));
             }

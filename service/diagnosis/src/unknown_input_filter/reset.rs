@@ -1,11 +1,8 @@
 //! How a filter finds back to a set that contains the state (method sheet 4.6).
 
 use super::{
-    bank::UnknownInputFilterBank,
-    filter::{reset_by_strip, state_bound},
-    mode_filter::ModeFilter,
-    options::ResetRule,
-    parity_window::ParityWindow,
+    bank::UnknownInputFilterBank, filter::state_bound, mode_filter::ModeFilter, options::ResetRule,
+    parity_window::ParityWindow, strip_reset::reset_by_strip,
 };
 
 /// Where the new set of a mode can come from.
@@ -31,7 +28,11 @@ impl UnknownInputFilterBank {
             if !self.has_guaranteed_set(i) || !(wrong || self.state.sets[i].void) {
                 continue;
             }
-            let source = if self.survives(i) { self.source_for_survivor(i) } else { self.source() };
+            let source = if self.survives(i) {
+                self.source_for_survivor(i)
+            } else {
+                self.source()
+            };
             any |= source.is_some();
             self.take_set(i, source);
         }
@@ -72,12 +73,17 @@ impl UnknownInputFilterBank {
     }
 
     fn has_guaranteed_set(&self, i: usize) -> bool {
-        self.modes[i].filter.as_ref().is_some_and(ModeFilter::is_guaranteed)
+        self.modes[i]
+            .filter
+            .as_ref()
+            .is_some_and(ModeFilter::is_guaranteed)
     }
 
     /// Source of a set that contains the state if some survivor is the truth.
     fn source(&self) -> Option<Source> {
-        self.strip_source().or_else(|| self.copy_source()).or_else(|| self.box_source())
+        self.strip_source()
+            .or_else(|| self.copy_source())
+            .or_else(|| self.box_source())
     }
 
     /// Source of a set for a mode that is itself a possible truth: another mode's set contains the state as well
@@ -121,7 +127,13 @@ impl UnknownInputFilterBank {
     fn take_set(&mut self, i: usize, source: Option<Source>) {
         match (source, &self.plant.strip, &self.plant.state_box) {
             (Some(Source::Strip), Some(strip), _) => {
-                reset_by_strip(&self.plant, strip, &self.measured.y, &mut self.state.sets[i], &mut self.work);
+                reset_by_strip(
+                    &self.plant,
+                    strip,
+                    &self.measured.y,
+                    &mut self.state.sets[i],
+                    &mut self.work,
+                );
             }
             (Some(Source::Mode(donor)), ..) if donor != i => {
                 if let Ok([target, donor]) = self.state.sets.get_disjoint_mut([i, donor]) {

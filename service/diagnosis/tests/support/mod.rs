@@ -6,7 +6,9 @@ use std::{fs, path::PathBuf};
 use residual_diagnosis::{
     diagnoser::{Channel, Diagnoser, StepInput, StepRecord, flags},
     model::{LinearModel, ModelOptions},
-    unknown_input_filter::{UnknownInputFilterBank, certificate::ParityCertificate, options::UnknownInputFilterOptions},
+    unknown_input_filter::{
+        UnknownInputFilterBank, certificate::ParityCertificate, options::UnknownInputFilterOptions,
+    },
 };
 use serde_json::Value;
 
@@ -38,13 +40,22 @@ pub fn rows(value: &Value) -> Vec<Vec<f64>> {
 
 /// The integers of a list.
 pub fn integers(value: &Value) -> Vec<usize> {
-    value.as_array().unwrap().iter().map(|item| item.as_u64().unwrap() as usize).collect()
+    value
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|item| item.as_u64().unwrap() as usize)
+        .collect()
 }
 
 /// Options of the model of a reference file with the start set ⟨p0, H0⟩ (H0 diagonal).
 pub fn model_options(file: &Value) -> ModelOptions {
     let model = &file["model"];
-    let radius = rows(&file["H0"]).iter().enumerate().map(|(i, row)| row[i]).collect();
+    let radius = rows(&file["H0"])
+        .iter()
+        .enumerate()
+        .map(|(i, row)| row[i])
+        .collect();
     ModelOptions {
         a: rows(&model["A0"]),
         b: rows(&model["B"]),
@@ -97,13 +108,23 @@ pub fn bank(model: &ModelOptions, options: &UnknownInputFilterOptions) -> Unknow
 /// One step of a bank.
 pub fn step(bank: &mut UnknownInputFilterBank, y: &[f64], u: &[f64]) -> StepRecord {
     let mut record = StepRecord::new(bank.description().channels.len());
-    bank.step(&StepInput { measurements: y, commands: u }, &mut record);
+    bank.step(
+        &StepInput {
+            measurements: y,
+            commands: u,
+        },
+        &mut record,
+    );
     record
 }
 
 /// The channel with this name.
 pub fn channel(bank: &UnknownInputFilterBank, record: &StepRecord, name: &str) -> Channel {
-    let position = bank.description().channels.iter().position(|channel| channel.name == name);
+    let position = bank
+        .description()
+        .channels
+        .iter()
+        .position(|channel| channel.name == name);
     record.channels()[position.unwrap_or_else(|| panic!("no channel {name}"))]
 }
 
@@ -114,7 +135,11 @@ pub fn residual_and_width(bank: &UnknownInputFilterBank, record: &StepRecord, na
 }
 
 /// Channels of a prefix (without estimates and floors) that alarm, in order of their position.
-pub fn alarming_channels<'a>(bank: &'a UnknownInputFilterBank, record: &StepRecord, prefix: &str) -> Vec<&'a str> {
+pub fn alarming_channels<'a>(
+    bank: &'a UnknownInputFilterBank,
+    record: &StepRecord,
+    prefix: &str,
+) -> Vec<&'a str> {
     let channels = bank.description().channels.iter().zip(record.channels());
     channels
         .filter(|(description, channel)| description.name.starts_with(prefix) && channel.ratio > 1.0)
@@ -130,9 +155,16 @@ pub fn alarm_now(record: &StepRecord) -> bool {
 /// Fails unless both agree to `tolerance` times the largest expected entry; NaN entries must agree.
 pub fn assert_close(what: &str, actual: &[f64], expected: &[f64], tolerance: f64) {
     assert_eq!(actual.len(), expected.len(), "{what}");
-    let scale = expected.iter().filter(|value| value.is_finite()).fold(0.0_f64, |most, value| most.max(value.abs()));
+    let scale = expected
+        .iter()
+        .filter(|value| value.is_finite())
+        .fold(0.0_f64, |most, value| most.max(value.abs()));
     for (i, (a, e)) in actual.iter().zip(expected).enumerate() {
         let equal = a == e || (a.is_nan() && e.is_nan()) || (a - e).abs() <= tolerance * scale;
-        assert!(equal, "{what}[{i}]: {a:e} instead of {e:e}, off by {:e} of {scale:e}", a - e);
+        assert!(
+            equal,
+            "{what}[{i}]: {a:e} instead of {e:e}, off by {:e} of {scale:e}",
+            a - e
+        );
     }
 }
