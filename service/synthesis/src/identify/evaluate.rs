@@ -232,7 +232,8 @@ impl<'a> Evaluator<'a> {
     }
 }
 
-fn exceeds_one(factor: f64) -> bool {
+/// Whether a consistency factor says that a run contradicts the bounds.
+pub(super) fn exceeds_one(factor: f64) -> bool {
     factor > 1.0 + FACTOR_TOLERANCE
 }
 

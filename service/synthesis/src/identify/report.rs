@@ -1,6 +1,7 @@
 //! The result of an identification, and how it is printed.
 
 use super::IdentifyOptions;
+use super::evaluate::exceeds_one;
 use crate::bounds::NoiseBounds;
 use residual_diagnosis::model::Label;
 use std::fmt;
@@ -193,7 +194,7 @@ impl fmt::Display for Identification {
             }
         }
         for (run, factor) in self.validation.iter().zip(&self.best.validation_factors) {
-            if *factor > 1.0 {
+            if exceeds_one(*factor) {
                 writeln!(
                     formatter,
                     "Validation run {run} exceeds the bounds by a factor of {factor:.4}."
