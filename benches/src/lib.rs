@@ -1,1 +1,1 @@
-//! placeholder
+//! Benchmarks of residuald; run them with `cargo bench -p residual-benches`.

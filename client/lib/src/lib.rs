@@ -43,9 +43,11 @@ mod reading;
 pub use monitor::{DaemonState, Followed, Monitor, MonitorError, RETRY_PERIOD_NS};
 pub use reading::{Freshness, Reading};
 pub use residual_shared::bounds_table::{
-    ChannelSpec, Directory, InputSpec, OpenError, SlotSpec, TableReader, TableSpec,
+    ChannelSpec, Directory, InputSpec, Liveness, OpenError, ReadError, SlotSpec, TableReader, TableSpec,
 };
 pub use residual_shared::clock::{DaemonTime, monotonic_ns};
 pub use residual_shared::counters::{InputCounters, ScheduleCounters};
-pub use residual_shared::names::{Instance, InstanceName, InstanceNameError};
+pub use residual_shared::names::{
+    DEFAULT_RUNTIME_DIRECTORY, Instance, InstanceName, InstanceNameError, RUNTIME_DIRECTORY_VARIABLE,
+};
 pub use residual_shared::record::{Channel, StepRecord, Verdict, flags};

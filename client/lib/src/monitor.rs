@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use residual_shared::bounds_table::{Liveness, OpenError, ReadError, ReadOutcome, TableReader};
+use residual_shared::bounds_table::{Liveness, OpenError, ReadError, TableReader};
 use residual_shared::clock::monotonic_ns;
 use residual_shared::names::Instance;
 use residual_shared::record::StepRecord;
@@ -137,7 +137,7 @@ impl Monitor {
         let Some(table) = &self.table else {
             return Ok(NO_DAEMON);
         };
-        read_slot(table, slot_of(table, name)?, record, now_ns)
+        Ok(Reading::take(table, slot_of(table, name)?, record, now_ns)?)
     }
 
     /// Reads the newest record of a followed diagnoser: the fastest way.
@@ -159,7 +159,7 @@ impl Monitor {
             return Ok(NO_DAEMON);
         };
         let slot = slot.ok_or_else(|| no_such_diagnoser(table, name))?;
-        read_slot(table, slot, record, now_ns)
+        Ok(Reading::take(table, slot, record, now_ns)?)
     }
 
     /// Looks for a new life of the daemon, unless the known one lives or it was looked for just now.
@@ -215,30 +215,4 @@ fn no_such_diagnoser(table: &TableReader, name: &str) -> MonitorError {
         name: name.into(),
         known,
     }
-}
-
-fn read_slot(
-    table: &TableReader,
-    slot: usize,
-    record: &mut StepRecord,
-    now_ns: u64,
-) -> Result<Reading, MonitorError> {
-    let number = match table.read(slot, record)? {
-        ReadOutcome::NeverWritten => 0,
-        ReadOutcome::Record { number } => number,
-    };
-    let directory = table.directory();
-    let spec = &directory.spec;
-    let freshness = if table.liveness(now_ns) != Liveness::Running {
-        Freshness::Dead
-    } else if number == 0 {
-        Freshness::Starting
-    } else {
-        Freshness::of_record(spec, &spec.slots[slot], record, spec.time.from_monotonic(now_ns))
-    };
-    Ok(Reading {
-        freshness,
-        number,
-        epoch: directory.epoch,
-    })
 }

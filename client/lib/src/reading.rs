@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use residual_shared::bounds_table::{SlotSpec, TableSpec};
+use residual_shared::bounds_table::{Liveness, ReadError, ReadOutcome, SlotSpec, TableReader, TableSpec};
 use residual_shared::record::{StepRecord, Verdict};
 
 /// How much a record is worth at the moment it is read.
@@ -39,12 +39,46 @@ pub struct Reading {
     pub epoch: u64,
 }
 
+impl Reading {
+    /// Reads the newest record of the slot with the index `slot` from a table, at the moment `now_ns` of
+    /// CLOCK_MONOTONIC. For clients that read all diagnosers of one life of the daemon at one moment; others
+    /// use a [`Monitor`](crate::Monitor).
+    ///
+    /// # Errors
+    /// See [`ReadError`]; after `Contended`, `record` is of no use.
+    pub fn take(
+        table: &TableReader,
+        slot: usize,
+        record: &mut StepRecord,
+        now_ns: u64,
+    ) -> Result<Self, ReadError> {
+        let number = match table.read(slot, record)? {
+            ReadOutcome::NeverWritten => 0,
+            ReadOutcome::Record { number } => number,
+        };
+        let directory = table.directory();
+        let spec = &directory.spec;
+        let freshness = if table.liveness(now_ns) != Liveness::Running {
+            Freshness::Dead
+        } else if number == 0 {
+            Freshness::Starting
+        } else {
+            Freshness::of_record(spec, &spec.slots[slot], record, spec.time.from_monotonic(now_ns))
+        };
+        Ok(Self {
+            freshness,
+            number,
+            epoch: directory.epoch,
+        })
+    }
+}
+
 impl Freshness {
     /// The freshness of a record of a living daemon at `now_ns` of the daemon's time.
     ///
     /// Record k appears at its instant plus the margin, and is the newest one for a period. It is stale when
     /// older than `stale_after_periods` periods and the margin.
-    pub(crate) fn of_record(table: &TableSpec, slot: &SlotSpec, record: &StepRecord, now_ns: u64) -> Self {
+    fn of_record(table: &TableSpec, slot: &SlotSpec, record: &StepRecord, now_ns: u64) -> Self {
         let age_ns = now_ns.saturating_sub(record.instant_ns);
         let limit_ns = u64::from(table.stale_after_periods)
             .saturating_mul(slot.period_ns)

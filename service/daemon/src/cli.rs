@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand, ValueEnum};
 use miette::{IntoDiagnostic, Report};
 
-use crate::commands::{replay, run};
+use crate::commands::{check, identify, replay, run};
 use crate::configuration::Configuration;
 use crate::demo::client::ClientArguments;
 use crate::demo::conductor::DemoArguments;
@@ -47,10 +47,17 @@ pub enum Command {
         #[arg(long, value_enum, default_value = "text")]
         summary: SummaryFormat,
     },
+    /// Check a configuration without starting anything: exit code 0 if the daemon would accept it, otherwise 1.
+    Check {
+        /// The configuration file (TOML).
+        configuration: PathBuf,
+    },
     /// Demonstrate: publisher, daemon and client in processes of their own, a fault, and its isolation.
     Demo(DemoArguments),
     /// Replay a recording instead of sensors, in this process or through a running daemon.
     Replay(replay::ReplayArguments),
+    /// Identify disturbance and noise bounds from a fault-free recording.
+    Identify(identify::IdentifyArguments),
     /// The publisher of the demonstration.
     #[command(hide = true)]
     DemoPublisher(PublisherArguments),
@@ -68,8 +75,10 @@ impl CommandLine {
                 speed,
                 summary,
             } => execute_run(&configuration, speed, summary),
+            Command::Check { configuration } => check::execute(&configuration, &mut io::stdout().lock()),
             Command::Demo(arguments) => conductor::execute(&arguments).into_diagnostic(),
             Command::Replay(arguments) => replay::execute(&arguments).map_err(Report::new),
+            Command::Identify(arguments) => identify::execute(&arguments),
             Command::DemoPublisher(arguments) => publisher::execute(&arguments).into_diagnostic(),
             Command::DemoClient(arguments) => {
                 client::execute(&arguments, &mut io::stdout().lock()).into_diagnostic()

@@ -104,6 +104,13 @@ mod tests {
     }
 
     proptest! {
+        // Miri is slow and has no files to keep failures in.
+        #![proptest_config(ProptestConfig {
+            cases: if cfg!(miri) { 4 } else { 256 },
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
+
         #[test]
         fn a_record_survives_its_cell_in_every_bit(
             count in 0..=MAX_CHANNELS,

@@ -18,15 +18,16 @@
 //! The reader's first look is a relaxed load with a fence behind it, not an acquire load: on a read-only mapping
 //! Rust defines relaxed atomic loads only. A test explores the interleavings and reorderings that
 //! the memory model allows, and notices when the store's ordering, the release fence or the acquire fences are left
-//! out.
+//! out. What needs no file runs under Miri as well:
+//! `cargo +nightly miri test -p residual-shared --no-default-features --lib bounds_table`.
 
 use std::hint;
 use std::sync::atomic::{AtomicU64, Ordering, fence};
 
 /// How often [`Slot::read`] tries before it gives up.
 ///
-/// One attempt fails only if the writer finishes a record and begins another one within a copy (10 to 150 ns).
-/// A periodic writer cannot do that twice in a row; the limit is there so that a client's reading time stays
+/// One attempt fails only if the writer finishes a record within a copy (10 to 150 ns). A periodic writer does not
+/// do that twice in a row; the limit is there so that a client's reading time stays
 /// bounded (about 10 µs) against any writer.
 pub const READ_ATTEMPTS: u32 = 100;
 

@@ -10,7 +10,7 @@ use residual_shared::record::StepRecord;
 
 use crate::configuration::{Configuration, ConfigurationError, Loaded};
 use crate::replay::injection::{Fault, FaultError};
-use crate::replay::mapping::{Mapping, MappingError};
+use crate::replay::mapping::{Mapping, MappingError, TimedSample};
 use crate::replay::outcome::{Outcome, median};
 use crate::replay::recording::{Recording, RecordingError, Run, RunSelection, WriteError};
 use crate::replay::records::{RecordWriter, ReplayRecord};
@@ -137,6 +137,11 @@ impl Replay {
         &self.recording.runs
     }
 
+    /// The samples of one run, in time order.
+    pub fn samples(&self, run: &Run) -> Vec<TimedSample> {
+        self.mapping.samples(run)
+    }
+
     /// Replays one run in this process; `take` gets every record.
     pub fn simulate(&self, run: &Run, take: impl FnMut(ReplayRecord)) -> Result<(), ReplayError> {
         let diagnosers = self.loaded.build_diagnosers()?;
@@ -176,7 +181,7 @@ pub fn execute(arguments: &ReplayArguments) -> Result<(), ReplayError> {
 
     let mut report = Report::new(descriptions, !arguments.totals);
     let samples = replay.runs().iter().map(|run| run.rows.len() as u64).sum();
-    let bar = progress_bar(samples);
+    let bar = ProgressBar::new(samples).with_style(progress_style());
     for run in replay.runs() {
         let onset_ns = arguments.faults.iter().map(|fault| fault.onset_ns(run)).min();
         report.begin(run, onset_ns);
@@ -188,7 +193,7 @@ pub fn execute(arguments: &ReplayArguments) -> Result<(), ReplayError> {
             }
         };
         if arguments.through_daemon {
-            let samples = replay.mapping.samples(run);
+            let samples = replay.samples(run);
             let done = |sent| bar.set_position(sent);
             let instance = configuration.daemon.instance();
             bar.set_length(samples.len() as u64);
@@ -212,13 +217,10 @@ pub fn execute(arguments: &ReplayArguments) -> Result<(), ReplayError> {
     Ok(())
 }
 
-fn progress_bar(length: u64) -> ProgressBar {
-    let style = ProgressStyle::with_template("{wide_bar} {pos}/{len} {elapsed} (eta {eta})");
-    let bar = ProgressBar::new(length);
-    match style {
-        Ok(style) => bar.with_style(style),
-        Err(_) => bar,
-    }
+/// A bar with counts, times and a message.
+pub(super) fn progress_style() -> ProgressStyle {
+    let template = "{wide_bar} {pos}/{len} {elapsed} (eta {eta}) {msg}";
+    ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
 }
 
 /// Prints what each run and all runs together showed.

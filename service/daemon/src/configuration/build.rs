@@ -1,30 +1,42 @@
-//! temporary
-use super::*;
-/// stub
+//! From a configuration to its diagnosers.
+
+use super::error::ConfigurationError;
+use super::load::Loaded;
+use super::locate::{Document, Mistakes};
+use residual_diagnosis::diagnoser::Diagnoser;
+
+/// A diagnoser, ready for its first step.
 pub struct BuiltDiagnoser {
-    /// x
-    pub diagnoser: Box<dyn residual_diagnosis::diagnoser::Diagnoser>,
-    /// y
+    /// The diagnoser.
+    pub diagnoser: Box<dyn Diagnoser>,
+    /// What the construction found, for people: name and value.
+    pub notes: Vec<(&'static str, String)>,
+    /// What is accepted but deserves a second look.
     pub warnings: Vec<String>,
 }
+
 impl Loaded {
-    /// z
+    /// Constructs the diagnosers, in the order of the configuration.
+    ///
+    /// # Errors
+    /// The conditions of the methods that do not hold, one a diagnoser, at their places in the text.
     pub fn build_diagnosers(&self) -> Result<Vec<BuiltDiagnoser>, ConfigurationError> {
-        Ok(self
-            .configuration
-            .diagnosers
-            .iter()
-            .map(|d| {
-                let MethodConfiguration::UnknownInputFilter { model, options } = &d.method;
-                let m = residual_diagnosis::model::LinearModel::new(model, d.sample_time_s()).unwrap();
-                BuiltDiagnoser {
-                    diagnoser: Box::new(
-                        residual_diagnosis::unknown_input_filter::UnknownInputFilterBank::new(m, options)
-                            .unwrap(),
-                    ),
-                    warnings: vec![],
-                }
-            })
-            .collect())
+        let results = self.configuration.diagnosers.iter().map(|diagnoser| {
+            let built = diagnoser.method.build(diagnoser.sample_time_s());
+            built.map_err(|error| (&diagnoser.name, error))
+        });
+        let results: Vec<_> = results.collect();
+        if results.iter().all(Result::is_ok) {
+            return Ok(results.into_iter().flatten().collect());
+        }
+        let document = Document::parse(&self.source)?;
+        let mut mistakes = Mistakes::new(&document);
+        for (index, result) in results.into_iter().enumerate() {
+            if let Err((name, error)) = result {
+                let message = format!("the diagnoser `{name}` cannot be built: {}", error.message);
+                mistakes.at(&format!("diagnoser.{index}.{}", error.key), message, error.help);
+            }
+        }
+        Err(mistakes.into_error())
     }
 }

@@ -163,14 +163,20 @@ impl<'de> Deserializer<'de> for ValueReader<'_, '_> {
         let result = match self.value.get_ref() {
             DeValue::String(text) => visitor.visit_str(text),
             DeValue::Boolean(value) => visitor.visit_bool(*value),
-            DeValue::Datetime(_) => Err(Refusal::custom("a date or time has no meaning here")),
+            DeValue::Datetime(_) => Err(Refusal::custom(
+                "a date or time has no meaning here; write it as text or number",
+            )),
             DeValue::Integer(number) => match i64::from_str_radix(number.as_str(), number.radix()) {
                 Ok(number) => visitor.visit_i64(number),
-                Err(_) => Err(Refusal::custom(format!("{number} does not fit into 64 bits"))),
+                Err(_) => Err(Refusal::custom(format!(
+                    "{number} does not fit into 64 bits; write a smaller number"
+                ))),
             },
             DeValue::Float(number) => match number.as_str().parse::<f64>() {
                 Ok(number) if number.is_finite() => visitor.visit_f64(number),
-                _ => Err(Refusal::custom(format!("{number} is not a finite number"))),
+                _ => Err(Refusal::custom(format!(
+                    "{number} is not a finite number; write a finite one"
+                ))),
             },
             DeValue::Table(table) => TableReader {
                 table,

@@ -16,7 +16,7 @@ use toml::de::{DeTable, DeValue};
 pub struct Loaded {
     /// The configuration in force.
     pub configuration: Configuration,
-    source: Source,
+    pub(super) source: Source,
 }
 
 impl Configuration {
@@ -106,7 +106,7 @@ fn load(source: &Source) -> Result<Configuration, ConfigurationError> {
         .zip(inputs.as_deref())
         .map(|(section, inputs)| validate::replay(section, inputs, &mut mistakes));
     match (daemon, realtime, inputs, diagnosers) {
-        (Some(daemon), Some(realtime), Some(inputs), Some(diagnosers)) if mistakes.is_empty() => {
+        (Some(daemon), Some(realtime), Some(inputs), Some(diagnosers)) if mistakes.len() == 0 => {
             Ok(Configuration {
                 daemon,
                 realtime,
@@ -184,6 +184,7 @@ fn diagnoser_section(
     let Some(schema::DiagnoserMethod { method }) = method else {
         return (section, None);
     };
+    let before = mistakes.len();
     let known = [choice, shared, method.keys().as_slice()].concat();
     for key in entries
         .keys()
@@ -192,7 +193,8 @@ fn diagnoser_section(
         mistakes.unknown_key(key.span(), key.get_ref(), &known);
     }
     let method = method.read(entries, span, path, &all_but(&method.keys()), mistakes);
-    (section, method)
+    // Tables with a mistake are not judged as a whole: what was left out would only look wrong a second time.
+    (section, method.filter(|_| mistakes.len() == before))
 }
 
 type Section<'a, 't> = (&'a DeTable<'t>, Range<usize>);

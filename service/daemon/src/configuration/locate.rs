@@ -95,9 +95,9 @@ impl<'d> Mistakes<'d> {
         );
     }
 
-    /// Whether nothing was found so far.
-    pub fn is_empty(&self) -> bool {
-        self.list.is_empty()
+    /// How many were found so far.
+    pub fn len(&self) -> usize {
+        self.list.len()
     }
 
     /// The error with all mistakes, in the order of their places.

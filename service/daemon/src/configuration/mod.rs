@@ -6,11 +6,13 @@
 //! | `schema` | sections, keys and defaults as written in the file |
 //! | `deserialise`, `refusal`, `locate` | from text to sections, every mistake with its place |
 //! | `validate` | from sections to [`Configuration`] |
-//! | [`load`] | the whole way, and the construction of the diagnosers |
-//! | [`method`] | the diagnosis methods |
+//! | [`load`] | the whole way |
+//! | [`method`], [`build`] | the diagnosis methods and the construction of the diagnosers |
+//! | `warnings` | what is accepted but deserves a second look |
 //!
 //! `deploy/config/README.md` documents every key, `deploy/config/vtol.toml` is a complete example.
 
+pub mod build;
 mod deserialise;
 pub mod error;
 pub mod load;
@@ -20,11 +22,11 @@ mod refusal;
 mod schema;
 mod suggest;
 mod validate;
+mod warnings;
 
+pub use build::BuiltDiagnoser;
 pub use error::{ConfigurationError, Mistake};
 pub use load::Loaded;
-mod build;
-pub use build::BuiltDiagnoser;
 pub use method::{MethodConfiguration, MethodError};
 
 use residual_shared::names::{Instance, InstanceName};

@@ -13,7 +13,7 @@ pub(super) struct Refusal {
     pub span: Option<Range<usize>>,
 }
 
-/// What was wrong.
+/// What was wrong; a text reads "what is wrong; what to do".
 #[derive(Debug)]
 pub(super) enum What {
     UnknownKey {
@@ -48,7 +48,10 @@ impl Refusal {
                 did_you_mean(word, known, "possible values"),
             ),
             What::MissingKey(key) => (format!("missing key `{key}`"), format!("add `{key} = ...` here")),
-            What::Value(message) => (message.clone(), String::new()),
+            What::Value(message) => {
+                let (message, help) = message.split_once("; ").unwrap_or((message, ""));
+                (message.to_owned(), help.to_owned())
+            }
         }
     }
 }
@@ -87,9 +90,10 @@ impl Error for Refusal {
             Unexpected::Float(number) => format!("{number:?}"),
             other => other.to_string(),
         };
+        let expected = expected.to_string();
+        let expected = plain_words(&expected);
         What::Value(format!(
-            "expected {}, found {found}",
-            plain_words(&expected.to_string())
+            "expected {expected}, found {found}; write {expected} here"
         ))
         .into()
     }

@@ -10,6 +10,7 @@
 //! | [`injection`] | faults written into a recording |
 //! | [`mapping`] | recording → timed samples of the configured inputs |
 //! | [`records`] | step records to CSV |
+//! | [`sequences`] | a run as one diagnoser would see it |
 //! | [`outcome`] | what the records of a run say: false alarms, detection, isolation |
 
 pub mod injection;
@@ -17,5 +18,6 @@ pub mod mapping;
 pub mod outcome;
 pub mod recording;
 pub mod records;
+pub mod sequences;
 pub mod simulated;
 pub mod through_daemon;

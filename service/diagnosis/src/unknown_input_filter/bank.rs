@@ -2,30 +2,28 @@
 
 use super::{
     channels::{ChannelLayout, inputs_valid},
+    checks::CheckReport,
     decision::{Conclusion, Decision, decide},
-    error::ConstructionError,
-    filter::{CoupledFilter, CoupledOptions, Workspace, reset_by_strip, state_bound},
-    modes::{FaultMode, enumerate_modes},
-    options::{
-        Form, GainRule, Initialisation, Isolation, MissingPolicy, ResetRule, UnknownInputFilterOptions,
-    },
+    filter::state_bound,
+    fixed_gain::Nominal,
+    mode_filter::ModeFilter,
+    modes::FaultMode,
+    options::{Isolation, ResetRule},
     outcome::{Outcome, TestRow},
     parity::ParityTest,
     parity_window::ParityWindow,
     plant::{Command, Measured, Plant},
     state::SetState,
+    strip_reset::reset_by_strip,
+    workspace::Workspace,
 };
-use crate::{
-    diagnoser::{Description, Diagnoser, StepInput, StepRecord, Verdict, flags},
-    matrix::Matrix,
-    model::LinearModel,
-};
+use crate::diagnoser::{Description, Diagnoser, StepInput, StepRecord, Verdict, flags};
 
 /// One fault mode: its filter and its parity tests.
 pub(super) struct Mode {
     pub mode: FaultMode,
     /// `None` for an untestable mode that was allowed: it is never falsified.
-    pub filter: Option<CoupledFilter>,
+    pub filter: Option<ModeFilter>,
     pub parity: Vec<ParityTest>,
 }
 
@@ -53,9 +51,9 @@ pub(super) struct BankRules {
 }
 
 /// Where a filter that starts from the prior begins.
-struct Prior {
-    centre: Vec<f64>,
-    radius: Vec<f64>,
+pub(super) struct Prior {
+    pub centre: Vec<f64>,
+    pub radius: Vec<f64>,
 }
 
 /// A bank of zonotopic unknown-input set-membership filters.
@@ -74,117 +72,16 @@ pub struct UnknownInputFilterBank {
     pub(super) parity: Vec<Vec<TestRow>>,
     pub(super) hull: SetState,
     pub(super) state_bound: Vec<f64>,
-    mode_sets: Vec<FaultMode>,
-    command: Command,
-    prior: Option<Prior>,
-    layout: ChannelLayout,
-    description: Description,
+    pub(super) mode_sets: Vec<FaultMode>,
+    pub(super) command: Command,
+    pub(super) prior: Option<Prior>,
+    pub(super) nominal: Nominal,
+    pub(super) layout: ChannelLayout,
+    pub(super) description: Description,
+    pub(super) report: CheckReport,
 }
 
 impl UnknownInputFilterBank {
-    /// Builds the bank of a model.
-    ///
-    /// # Errors
-    /// [`ConstructionError`] with the entry of the configuration that is wrong.
-    pub fn new(model: LinearModel, options: &UnknownInputFilterOptions) -> Result<Self, ConstructionError> {
-        options.validate(&model)?;
-        let filter = &options.filter;
-        let order = filter.effective_generator_order();
-        let plant = Plant::new(
-            &model,
-            order,
-            filter.outward_rounding && filter.form == Form::Coupled,
-        );
-        let pairs = options.bank.simultaneous_faults.contains(&2);
-        let mode_sets = enumerate_modes(plant.nu(), options.bank.fault_free_mode, pairs);
-        let shaping = filter.s.as_ref().map(|s| {
-            let s = nalgebra::DMatrix::from_fn(plant.nx(), plant.ny(), |i, j| s[i][j]);
-            Matrix::from(&(nalgebra::DMatrix::identity(plant.ny(), plant.ny()) - model.c() * s))
-        });
-        let bounded = options.missing.policy == MissingPolicy::BoundedFault;
-        let coupled = CoupledOptions {
-            shaping: shaping.as_ref(),
-            fault_bound: options.missing.fault_bound.as_deref().filter(|_| bounded),
-            row_wise: filter.gain != GainRule::Frobenius,
-            sweeps: filter.gain_sweeps,
-            order,
-        };
-        let mut modes = Vec::new();
-        for &mode in &mode_sets {
-            modes.push(Mode {
-                mode,
-                filter: Some(CoupledFilter::new(&plant, mode, &coupled)),
-                parity: Vec::new(),
-            });
-        }
-        for certificate in options.parity.certificates.iter().flatten() {
-            let test = ParityTest::new(certificate, &model, filter.outward_rounding)?;
-            let Some(target) = modes.iter_mut().find(|target| target.mode == certificate.mode) else {
-                return Err(ConstructionError::CertificateWithoutMode {
-                    mode: certificate.mode,
-                });
-            };
-            target.parity.push(test);
-        }
-        let own = mode_sets.iter().map(|mode| mode.len()).max().unwrap_or(0);
-        let columns = plant.column_capacity(order, own);
-        let transitions = |mode: &Mode| mode.parity.iter().map(ParityTest::transitions).max().unwrap_or(0);
-        let state = BankState {
-            started: false,
-            command: vec![f64::NAN; plant.nu()],
-            sets: vec![SetState::new(plant.nx(), columns); modes.len()],
-            windows: modes
-                .iter()
-                .map(|mode| ParityWindow::new(&model, transitions(mode), filter.outward_rounding))
-                .collect(),
-            falsified: vec![false; modes.len()],
-            quiet: 0,
-        };
-        let layout = ChannelLayout::new(&model, &modes, options)?;
-        Ok(Self {
-            rules: BankRules {
-                isolation: options.bank.isolation,
-                reset: options.bank.reset,
-                clear_samples: options.bank.clear_samples,
-                start_by_strip: match filter.initialisation {
-                    Initialisation::Prior => false,
-                    Initialisation::Strip => true,
-                    Initialisation::Auto => plant.strip.is_some(),
-                },
-            },
-            prior: model.initial_state().map(|prior| Prior {
-                centre: prior.center.as_slice().to_vec(),
-                radius: prior.radius.as_slice().to_vec(),
-            }),
-            description: Description {
-                method: "unknown_input_filter",
-                channels: layout.descriptions().to_vec(),
-                faults: model
-                    .actuators()
-                    .iter()
-                    .map(|actuator| actuator.name.clone())
-                    .collect(),
-                measurement_count: plant.ny(),
-                command_count: plant.nu(),
-            },
-            work: Workspace::new(&plant, order, own, filter.effective_reduction()),
-            measured: Measured::new(&plant),
-            outcomes: mode_sets.iter().map(|&mode| Outcome::new(&plant, mode)).collect(),
-            parity: modes
-                .iter()
-                .map(|mode| vec![TestRow::default(); mode.parity.len()])
-                .collect(),
-            hull: SetState::new(plant.nx(), columns),
-            state_bound: vec![0.0; plant.nx()],
-            command: Command::new(&plant),
-            mode_sets,
-            modes,
-            state,
-            layout,
-            plant,
-        })
-    }
-
     /// The modes of the bank, in the order of their channels.
     pub fn modes(&self) -> &[FaultMode] {
         &self.mode_sets
@@ -195,6 +92,11 @@ impl UnknownInputFilterBank {
         &self.state.falsified
     }
 
+    /// What the off-line checks found: isolability and warnings.
+    pub fn report(&self) -> &CheckReport {
+        &self.report
+    }
+
     /// What the falsified modes prove at present.
     pub fn conclusion(&self) -> Conclusion {
         decide(&self.mode_sets, &self.state.falsified)
@@ -202,7 +104,7 @@ impl UnknownInputFilterBank {
 
     /// Centre and radius of the set of the mode number `mode`; infinite radii where it is unbounded.
     ///
-    /// `None` while the bank has not started, while the set is lost, and for a mode that is not there.
+    /// For inspection; it allocates. `None` while the bank has not started, while the set is lost, and for a mode that is not there.
     pub fn state_set(&self, mode: usize) -> Option<(Vec<f64>, Vec<f64>)> {
         let set = self
             .state
@@ -249,6 +151,10 @@ impl UnknownInputFilterBank {
                 continue;
             }
             let set = &mut self.state.sets[i];
+            if let Some(ModeFilter::Kalman(filter)) = &self.modes[i].filter {
+                filter.start(set);
+                continue;
+            }
             match (&self.plant.strip, &self.prior) {
                 (Some(strip), _) if self.rules.start_by_strip => {
                     reset_by_strip(&self.plant, strip, &self.measured.y, set, &mut self.work);

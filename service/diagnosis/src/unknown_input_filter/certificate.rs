@@ -6,7 +6,7 @@
 
 use super::modes::FaultMode;
 use crate::model::LinearModel;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -139,20 +139,22 @@ impl ParityCertificate {
         self.validate_shapes(model)?;
         let (lambda, mu) = (self.lambda_columns(), self.mu_columns());
         let f = self.mode.unknown_input_matrix(model.b());
-        let absolute = |matrix: &DMatrix<f64>| matrix.abs();
+        let (a_abs, c_abs) = (model.a0().abs(), model.c().abs());
         let zero = DVector::zeros(model.state_count());
+        let (mut dynamics, mut own_faults) = (Equality::default(), Equality::default());
+        let largest_lambda = lambda.iter().map(|lambda| lambda.amax()).fold(0.0, f64::max);
         for k in 0..=self.transitions() {
             let previous = if k == 0 { &zero } else { &lambda[k - 1] };
             let current = lambda.get(k).unwrap_or(&zero);
-            let terms = previous.abs()
-                + absolute(model.a0()).tr_mul(&current.abs())
-                + absolute(model.c()).tr_mul(&mu[k].abs());
+            let terms = previous.abs() + a_abs.tr_mul(&current.abs()) + c_abs.tr_mul(&mu[k].abs());
             let residual = previous - model.a0().tr_mul(current) - model.c().tr_mul(&mu[k]);
-            require_equality("lambda[k-1] = A' lambda[k] + C' mu[k]", k, &residual, terms.max())?;
-            let terms = absolute(&f).tr_mul(&current.abs());
-            let largest = if f.ncols() == 0 { 0.0 } else { terms.max() };
-            require_equality("F' lambda[k] = 0", k, &f.tr_mul(current), largest)?;
+            dynamics.note(k, residual.amax(), terms.amax());
+            if !self.mode.is_empty() {
+                own_faults.note(k, f.tr_mul(current).amax(), f.amax() * largest_lambda);
+            }
         }
+        dynamics.require("lambda[k-1] = A' lambda[k] + C' mu[k]")?;
+        own_faults.require("F' lambda[k] = 0")?;
         let gain = self.gain(model);
         if gain > 0.0 {
             Ok(())
@@ -225,21 +227,31 @@ impl ParityCertificate {
     }
 }
 
-fn require_equality(
-    equality: &'static str,
+/// The largest violation of an equality over all instants, and the largest term in it.
+#[derive(Default)]
+struct Equality {
     instant: usize,
-    residual: &DVector<f64>,
+    violation: f64,
     largest_term: f64,
-) -> Result<(), CertificateError> {
-    let violation = residual
-        .iter()
-        .fold(0.0_f64, |largest, entry| largest.max(entry.abs()));
-    if violation <= EQUALITY_TOLERANCE * largest_term {
-        return Ok(());
+}
+
+impl Equality {
+    fn note(&mut self, instant: usize, violation: f64, term: f64) {
+        if violation > self.violation {
+            (self.instant, self.violation) = (instant, violation);
+        }
+        self.largest_term = self.largest_term.max(term);
     }
-    Err(CertificateError::EqualityViolated {
-        equality,
-        instant,
-        residual: violation / largest_term,
-    })
+
+    fn require(&self, equality: &'static str) -> Result<(), CertificateError> {
+        if self.violation <= EQUALITY_TOLERANCE * self.largest_term {
+            return Ok(());
+        }
+        let residual = self.violation / self.largest_term;
+        Err(CertificateError::EqualityViolated {
+            equality,
+            instant: self.instant,
+            residual,
+        })
+    }
 }

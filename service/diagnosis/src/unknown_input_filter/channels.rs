@@ -11,7 +11,7 @@ use super::{
     decision::Conclusion,
     error::ConstructionError,
     floors::Floors,
-    options::{Publish, UnknownInputFilterOptions},
+    options::{Form, Publish, UnknownInputFilterOptions},
     outcome::{Outcome, TestRow},
     plant::Plant,
 };
@@ -32,6 +32,7 @@ impl ChannelLayout {
     pub fn new(
         model: &LinearModel,
         modes: &[Mode],
+        outcomes: &[Outcome],
         options: &UnknownInputFilterOptions,
     ) -> Result<Self, ConstructionError> {
         let publish = options.filter.publish;
@@ -42,7 +43,11 @@ impl ChannelLayout {
                 unit: unit.to_owned(),
             })
         };
-        for mode in modes.iter().filter(|mode| mode.filter.is_some()) {
+        for (mode, outcome) in modes
+            .iter()
+            .zip(outcomes)
+            .filter(|(mode, _)| mode.filter.is_some())
+        {
             let prefix = format!("mode_{}", mode.mode.label());
             if publish == Publish::Worst {
                 add(format!("{prefix}_worst"), "");
@@ -51,17 +56,25 @@ impl ChannelLayout {
             for (j, output) in model.outputs().iter().enumerate() {
                 add(format!("{prefix}_output_{j}"), &output.unit);
             }
-            for j in mode.mode.other_actuators(model.actuator_count()) {
+            for (j, _) in mode
+                .mode
+                .other_actuators(model.actuator_count())
+                .zip(&outcome.matched)
+            {
                 add(format!("{prefix}_matched_{j}"), "");
+            }
+            if outcome.norm.is_some() {
+                add(format!("{prefix}_norm"), "");
             }
             for test in &mode.parity {
                 add(format!("{prefix}_parity_{}_{}", test.fault(), test.length()), "");
             }
-            for a in mode.mode.actuators() {
+            for (a, _) in mode.mode.actuators().zip(&outcome.estimates) {
                 add(format!("{prefix}_fault_estimate_{a}"), &model.actuators()[a].unit);
             }
         }
-        for kind in ["detectable", "isolable"] {
+        let guaranteed = options.filter.form != Form::Kalman3Sigma;
+        for kind in ["detectable", "isolable"].iter().filter(|_| guaranteed) {
             for (j, actuator) in model.actuators().iter().enumerate() {
                 add(format!("{kind}_fault_{j}"), &actuator.unit);
             }
@@ -72,7 +85,10 @@ impl ChannelLayout {
                 limit: MAX_CHANNELS,
             });
         }
-        let floors = Floors::new(model.actuator_count(), options.filter.fault_of_interest.clone());
+        let floors = Floors::new(
+            if guaranteed { model.actuator_count() } else { 0 },
+            options.filter.fault_of_interest.clone(),
+        );
         Ok(Self {
             publish,
             descriptions,
@@ -131,7 +147,7 @@ impl ChannelLayout {
         let isolated = modes
             .iter()
             .position(|mode| conclusion.isolated == Some(mode.mode) && mode.mode.len() == 1);
-        let estimate = isolated.and_then(|i| outcomes[i].estimates[0]);
+        let estimate = isolated.and_then(|i| outcomes[i].estimates.first().copied().flatten());
         record.fault_estimate = estimate.map_or(f64::NAN, |estimate| estimate.centre);
         record.fault_estimate_half_width = estimate.map_or(f64::NAN, |estimate| estimate.radius);
     }

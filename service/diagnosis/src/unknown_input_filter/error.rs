@@ -2,7 +2,9 @@
 
 use thiserror::Error;
 
-use super::{certificate::CertificateError, modes::FaultMode, options_error::OptionsError};
+use super::{
+    certificate::CertificateError, checks::CheckError, modes::FaultMode, options_error::OptionsError,
+};
 
 /// Why a bank of unknown-input filters could not be built from a model and options.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -11,18 +13,12 @@ pub enum ConstructionError {
     /// Options that do not fit together or do not fit the model.
     #[error(transparent)]
     Options(#[from] OptionsError),
+    /// A mode that can never be falsified.
+    #[error(transparent)]
+    Check(#[from] CheckError),
     /// A certificate that does not belong to the model.
     #[error(transparent)]
     Certificate(#[from] CertificateError),
-    /// A certificate for a mode that the bank does not have.
-    #[error(
-        "`parity.certificates` has an entry for the mode {mode}, which is not a mode of this bank; remove it, or \
-         add its order to `bank.simultaneous_faults`"
-    )]
-    CertificateWithoutMode {
-        /// The mode of the certificate.
-        mode: FaultMode,
-    },
     /// More channels than a record holds.
     #[error(
         "the bank would publish {count} channels, a record holds {limit}; set `filter.publish` = \"worst\", or \
@@ -34,12 +30,28 @@ pub enum ConstructionError {
         /// Largest number of channels.
         limit: usize,
     },
-    /// `gain = "fixed"` with a mode for which no stable fixed gain was found.
+    /// `gain = "fixed"` with a mode that has none, or a loaded gain that is not stable.
     #[error(
-        "no stable fixed gain was found for the mode {mode}; use `filter.gain` = \"row_wise\", which needs none"
+        "no stable fixed gain is known for the mode {mode}; use `filter.gain` = \"row_wise\", which needs none"
     )]
     NoStableFixedGain {
         /// The mode.
         mode: FaultMode,
+    },
+    /// A fixed gain for a mode without filter.
+    #[error("there is no filter for the mode {mode}, so that no gain can be loaded for it")]
+    FixedGainWithoutMode {
+        /// The mode.
+        mode: FaultMode,
+    },
+    /// A fixed gain of the wrong shape.
+    #[error("the fixed gain of the mode {mode} is {actual:?} but must be {expected:?} (states, outputs)")]
+    FixedGainShape {
+        /// The mode.
+        mode: FaultMode,
+        /// Rows and columns found.
+        actual: (usize, usize),
+        /// Rows and columns needed.
+        expected: (usize, usize),
     },
 }

@@ -2,57 +2,21 @@
 
 use super::{
     decoupling::{Decoupling, Tolerances},
-    gain::{Candidates, GainChoice},
-    missing::{MissingData, gain_coordinates},
+    gain::Candidates,
+    missing::gain_coordinates,
     modes::FaultMode,
     outcome::{Outcome, RowContext},
     outward::Outward,
-    plant::{Command, Measured, Plant, Strip},
+    plant::{Command, Measured, Plant},
     prediction::Prediction,
     state::SetState,
+    strip_reset::Strip,
+    workspace::Workspace,
 };
 use crate::{
     factor::PivotedQr,
     matrix::{Matrix, multiply, row_sums},
-    zonotope::{Reducer, Reduction},
 };
-
-/// Room that the filters of a bank share, since they step one after the other.
-#[derive(Clone, Debug)]
-pub(crate) struct Workspace {
-    pub prediction: Prediction,
-    pub choice: GainChoice,
-    pub missing: MissingData,
-    pub reducer: Reducer,
-    pub gain: Matrix,
-    pub scratch: Vec<f64>,
-    pub row: Vec<f64>,
-    signature: Vec<f64>,
-    spread_radius: Vec<f64>,
-    own_fault: Vec<f64>,
-    error: Vec<f64>,
-}
-
-impl Workspace {
-    /// Room for filters of generator order `order` and modes of up to `own` actuators.
-    pub fn new(plant: &Plant, order: usize, own: usize, reduction: Reduction) -> Self {
-        let (nx, ny) = (plant.nx(), plant.ny());
-        let columns = plant.column_capacity(order, own);
-        Self {
-            prediction: Prediction::new(plant, columns),
-            choice: GainChoice::new(nx, ny, columns),
-            missing: MissingData::new(plant, own),
-            reducer: Reducer::new(reduction, nx, columns),
-            gain: Matrix::zeros(nx, ny),
-            scratch: vec![0.0; columns],
-            row: vec![0.0; ny],
-            signature: vec![0.0; ny],
-            spread_radius: vec![0.0; ny],
-            own_fault: vec![0.0; ny],
-            error: vec![0.0; nx],
-        }
-    }
-}
 
 /// Constants of one filter in the coupled form.
 #[derive(Clone, Debug)]
@@ -75,7 +39,7 @@ pub(crate) struct CoupledFilter {
 }
 
 /// Options of a coupled filter.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct CoupledOptions<'a> {
     pub shaping: Option<&'a Matrix>,
     /// Bounds of all actuator faults under the policy `bounded_fault`.
@@ -88,21 +52,17 @@ pub(crate) struct CoupledOptions<'a> {
 impl CoupledFilter {
     /// The filter of a mode whose own faults the complete outputs separate.
     pub fn new(plant: &Plant, mode: FaultMode, options: &CoupledOptions<'_>) -> Self {
-        let (nx, own) = (plant.nx(), mode.len());
-        let mut fault_matrix = Matrix::zeros(nx, own);
-        let mut fault_generators = options.fault_bound.map(|_| Matrix::zeros(nx, own));
-        for (k, j) in mode.actuators().enumerate() {
-            for i in 0..nx {
-                fault_matrix[(i, k)] = plant.b[(i, j)];
-                if let (Some(generators), Some(bound)) = (&mut fault_generators, options.fault_bound) {
-                    generators[(i, k)] = plant.b[(i, j)] * bound[j];
-                }
-            }
-        }
+        let fault_matrix = fault_matrix(plant, mode);
+        let fault_generators = options.fault_bound.map(|bound| {
+            let own: Vec<f64> = mode.actuators().map(|j| bound[j]).collect();
+            let mut generators = Matrix::with_capacity(plant.nx(), own.len());
+            generators.append_scaled(&fault_matrix, &own);
+            generators
+        });
         let shaping = options.shaping.filter(|_| !mode.is_empty()).cloned();
         let decoupling = complete_decoupling(plant, &fault_matrix, shaping.as_ref());
         let strip_rows = plant.strip.as_ref().filter(|_| options.row_wise).map(|strip| {
-            let mut rows = Matrix::zeros(nx, plant.ny());
+            let mut rows = Matrix::zeros(plant.nx(), plant.ny());
             gain_coordinates(&strip.gain, &decoupling, &mut rows);
             rows
         });
@@ -263,7 +223,8 @@ impl CoupledFilter {
         if regular || work.missing.separated {
             for k in 0..rank {
                 work.choice.estimate_row(decoupling, k, row);
-                outcome.estimates[decoupling.pivot[k]] = Some(context.estimate(row, &mut work.scratch));
+                let own = decoupling.pivot[k];
+                outcome.estimates[own] = context.estimate(row, own, &mut work.scratch);
             }
         }
     }
@@ -289,7 +250,6 @@ impl CoupledFilter {
             &mut work.scratch,
             &mut state.generators,
         );
-        let boxed = work.reducer.reduce(&mut state.generators, self.order);
         if plant.epsilon > 0.0 {
             let decoupling = if regular {
                 &self.decoupling
@@ -303,17 +263,27 @@ impl CoupledFilter {
                 own_fault: &work.own_fault[..decoupling.rank()],
                 decoupling,
             };
-            row_sums(&state.generators, &mut state.radius);
-            for i in 0..plant.nx() {
-                let error = outward.state_error(i, work.gain.row(i)) + plant.epsilon * state.radius[i];
-                work.error[i] = error.next_up();
+            for (i, error) in work.error.iter_mut().enumerate() {
+                *error = outward.state_error(i, work.gain.row(i));
             }
-            enlarge(&mut state.generators, boxed, &work.error);
         }
         if regular || work.missing.bounded || work.missing.decoupling.complete {
             state.unbounded.reshape(plant.nx(), 0);
         } else {
             work.missing.update_unbounded(measured, &work.gain, state);
+        }
+        self.finish(plant, state, work);
+    }
+
+    /// Reduces H and, with outward rounding, adds the error of the step (η in `work.error`) and of the reduction.
+    pub fn finish(&self, plant: &Plant, state: &mut SetState, work: &mut Workspace) {
+        let boxed = work.reducer.reduce(&mut state.generators, self.order);
+        if plant.epsilon > 0.0 {
+            row_sums(&state.generators, &mut state.radius);
+            for (error, radius) in work.error.iter_mut().zip(&state.radius) {
+                *error = (*error + plant.epsilon * radius).next_up();
+            }
+            enlarge(&mut state.generators, boxed, &work.error);
         }
         state.update_radius();
     }
@@ -348,8 +318,17 @@ fn bound_own_faults(
     decoupling.own_fault_bound(&spread_radius[..m], own_fault);
 }
 
+/// F, the columns of B in the mode.
+pub(crate) fn fault_matrix(plant: &Plant, mode: FaultMode) -> Matrix {
+    Matrix::from(&mode.unknown_input_matrix(&plant.b.to_dense()))
+}
+
 /// The decoupling of a complete packet; the mode must have passed the checks of method sheet 3.1.
-fn complete_decoupling(plant: &Plant, fault_matrix: &Matrix, shaping: Option<&Matrix>) -> Decoupling {
+pub(crate) fn complete_decoupling(
+    plant: &Plant,
+    fault_matrix: &Matrix,
+    shaping: Option<&Matrix>,
+) -> Decoupling {
     let (nx, ny, own) = (plant.nx(), plant.ny(), fault_matrix.columns());
     let mut measured = Measured::new(plant);
     measured.receive(plant, &vec![0.0; ny]);
@@ -366,33 +345,6 @@ fn complete_decoupling(plant: &Plant, fault_matrix: &Matrix, shaping: Option<&Ma
         &measured,
     );
     out
-}
-
-/// The set that one complete measurement gives, whatever the actuators do (method sheet 4.6).
-///
-/// The strip must be available and the packet complete.
-pub(crate) fn reset_by_strip(
-    plant: &Plant,
-    strip: &Strip,
-    y: &[f64],
-    state: &mut SetState,
-    work: &mut Workspace,
-) {
-    let nx = plant.nx();
-    strip.centre(y, &mut state.centre);
-    state.generators.copy_from(&strip.generators);
-    if plant.epsilon > 0.0 {
-        for i in 0..nx {
-            state.radius[i] = state.centre[i].abs() + strip.radius[i];
-        }
-        for i in 0..nx {
-            work.error[i] = strip.rounding_error(i, &state.radius, y, &plant.noise).next_up();
-        }
-        state.generators.append_diagonal(&work.error);
-    }
-    state.unbounded.reshape(nx, 0);
-    state.void = false;
-    state.update_radius();
 }
 
 /// Guaranteed bound x̄ of |x| by the set (method sheet 4.4); infinite where there is none.

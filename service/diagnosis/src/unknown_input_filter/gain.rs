@@ -28,15 +28,6 @@ pub(crate) struct Candidates<'a> {
     pub sweeps: usize,
 }
 
-impl Candidates<'_> {
-    /// The Frobenius gain alone.
-    pub const NONE: Self = Self {
-        strip: None,
-        fixed: None,
-        sweeps: 0,
-    };
-}
-
 /// Room for choosing a gain.
 #[derive(Clone, Debug)]
 pub(crate) struct GainChoice {

@@ -3,24 +3,37 @@
 mod bank;
 pub mod certificate;
 mod channels;
+pub mod checks;
+mod construction;
 pub mod decision;
 mod decoupling;
 pub mod error;
 mod filter;
+mod fixed_gain;
+mod fixed_step;
 mod floors;
 mod gain;
+mod kalman;
+pub mod lti;
 mod missing;
+mod mode_filter;
 pub mod modes;
 pub mod options;
 pub mod options_error;
 mod options_validate;
 mod outcome;
 mod outward;
+mod paper;
 pub mod parity;
 pub mod parity_window;
 mod plant;
 mod prediction;
 mod reset;
 mod state;
+mod strip_reset;
+mod workspace;
 
 pub use bank::UnknownInputFilterBank;
+
+#[cfg(test)]
+mod facts_tests;

@@ -3,6 +3,7 @@
 use super::{
     decoupling::Decoupling,
     modes::FaultMode,
+    options::Form,
     outward::Outward,
     plant::{Measured, Plant},
     prediction::Prediction,
@@ -32,6 +33,13 @@ pub(crate) struct FaultEstimate {
     pub radius: f64,
 }
 
+impl FaultEstimate {
+    /// An estimate of finite numbers, else none.
+    pub fn finite(centre: f64, radius: f64) -> Option<Self> {
+        (centre.is_finite() && radius.is_finite()).then_some(Self { centre, radius })
+    }
+}
+
 /// All that one filter says at one instant.
 #[derive(Clone, Debug)]
 pub(crate) struct Outcome {
@@ -39,6 +47,8 @@ pub(crate) struct Outcome {
     pub outputs: Vec<TestRow>,
     /// One row matched to each actuator outside the mode, in ascending order.
     pub matched: Vec<TestRow>,
+    /// The norm of the residual against its threshold, in the Kalman-type baseline.
+    pub norm: Option<TestRow>,
     /// One estimate for each actuator of the mode; `None` when there is none at this instant.
     pub estimates: Vec<Option<FaultEstimate>>,
     /// For each actuator the smallest fault that some row of this instant certainly sees; infinite if none.
@@ -48,12 +58,16 @@ pub(crate) struct Outcome {
 }
 
 impl Outcome {
-    pub fn new(plant: &Plant, mode: FaultMode) -> Self {
+    /// Room for a filter of this mode; only the coupled form has matched rows and estimates, only the baseline a
+    /// norm.
+    pub fn new(plant: &Plant, mode: FaultMode, form: Form) -> Self {
         let (own, nu) = (mode.len(), plant.nu());
+        let coupled = form == Form::Coupled;
         Self {
             outputs: vec![TestRow::default(); plant.ny()],
-            matched: vec![TestRow::default(); nu - own],
-            estimates: vec![None; own],
+            matched: vec![TestRow::default(); if coupled { nu - own } else { 0 }],
+            norm: (form == Form::Kalman3Sigma).then(TestRow::default),
+            estimates: vec![None; if coupled { own } else { 0 }],
             floors: vec![f64::INFINITY; nu],
             lost: false,
         }
@@ -63,6 +77,7 @@ impl Outcome {
     pub fn clear(&mut self) {
         self.outputs.fill(TestRow::default());
         self.matched.fill(TestRow::default());
+        self.norm = self.norm.map(|_| TestRow::default());
         self.estimates.fill(None);
         self.floors.fill(f64::INFINITY);
         self.lost = false;
@@ -70,7 +85,7 @@ impl Outcome {
 
     /// All rows.
     pub fn rows(&self) -> impl Iterator<Item = &TestRow> {
-        self.outputs.iter().chain(&self.matched)
+        self.outputs.iter().chain(&self.matched).chain(&self.norm)
     }
 
     /// Whether any row was tested.
@@ -117,14 +132,14 @@ impl RowContext<'_> {
         }
     }
 
-    /// Estimate with the coefficients `row` of φ.
-    pub fn estimate(&self, row: &[f64], scratch: &mut [f64]) -> FaultEstimate {
+    /// Estimate of the own fault `own` with the coefficients `row` of φ.
+    pub fn estimate(&self, row: &[f64], own: usize, scratch: &mut [f64]) -> Option<FaultEstimate> {
         let centre = dot(row, &self.prediction.innovation[..row.len()]);
         let mut radius = self.spread(row, scratch);
         if let Some(outward) = &self.outward {
-            radius = outward.estimate_radius(radius, row, centre);
+            radius = outward.estimate_radius(radius, row, own, centre);
         }
-        FaultEstimate { centre, radius }
+        FaultEstimate::finite(centre, radius)
     }
 
     /// w C B_j for every actuator j.

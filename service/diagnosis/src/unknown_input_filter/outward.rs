@@ -34,10 +34,17 @@ impl Outward<'_> {
         out
     }
 
-    /// The radius of the fault `estimate` with coefficients `row`, enlarged.
-    pub fn estimate_radius(&self, radius: f64, row: &[f64], estimate: f64) -> f64 {
+    /// The radius of the estimate `estimate` of the own fault `own` with coefficients `row`, enlarged; this
+    /// includes what `row` C F1 differs from the unit row times the bound of the faults.
+    pub fn estimate_radius(&self, radius: f64, row: &[f64], own: usize, estimate: f64) -> f64 {
         let size = absolute_dot(row, self.output_size) + estimate.abs();
-        radius * (1.0 + self.epsilon) + 8.0 * self.epsilon * size
+        let mut out = radius * (1.0 + self.epsilon) + 8.0 * self.epsilon * size;
+        for (k, fault) in self.own_fault.iter().enumerate() {
+            let (leak, size) = self.leak(row, k);
+            let unit = f64::from(u8::from(self.decoupling.pivot[k] == own));
+            out += ((unit - leak).abs() + 4.0 * self.epsilon * size) * fault;
+        }
+        out
     }
 
     /// η of state row `i` corrected with the row `gain` of L.

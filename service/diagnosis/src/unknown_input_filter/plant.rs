@@ -7,8 +7,9 @@
 //! | C⁺ | `strip.gain` | nx x ny |
 //! | ε, δ | `epsilon`, [`UNIT_ROUNDOFF`] | |
 
+use super::strip_reset::Strip;
 use crate::{
-    matrix::{Matrix, absolute_dot, apply, dot, multiply},
+    matrix::{Matrix, absolute_dot, multiply},
     model::{Bounds, LinearModel},
 };
 
@@ -52,42 +53,6 @@ impl From<&Bounds> for IntervalBox {
     }
 }
 
-/// Enclosure of the state by one complete measurement: x is in C⁺ y + \[-C⁺V, C⁺V\].
-#[derive(Clone, Debug)]
-pub(crate) struct Strip {
-    pub gain: Matrix,
-    /// C⁺ V.
-    pub generators: Matrix,
-    /// |C⁺| v.
-    pub radius: Vec<f64>,
-    /// |I - C⁺C| + 4 ny δ (I + |C⁺||C|): relative error of C⁺C x against x.
-    identity_error: Matrix,
-    outward: bool,
-}
-
-impl Strip {
-    /// C⁺ y.
-    pub fn centre(&self, y: &[f64], out: &mut [f64]) {
-        apply(&self.gain, y, out);
-    }
-
-    /// Rounding error of the enclosure of row `i`, with `magnitude` = |C⁺y| + |C⁺|v (method sheet 4.6).
-    pub fn rounding_error(&self, i: usize, magnitude: &[f64], y: &[f64], noise: &[f64]) -> f64 {
-        if !self.outward {
-            return 0.0;
-        }
-        let measured: f64 = self
-            .gain
-            .row(i)
-            .iter()
-            .zip(y)
-            .zip(noise)
-            .map(|((g, y), v)| g.abs() * (y.abs() + v))
-            .sum();
-        1.01 * dot(self.identity_error.row(i), magnitude) + 4.0 * y.len() as f64 * UNIT_ROUNDOFF * measured
-    }
-}
-
 impl Plant {
     /// Takes over a validated model; `generator_order` enters the constant of the outward rounding.
     pub fn new(model: &LinearModel, generator_order: usize, outward: bool) -> Self {
@@ -98,20 +63,7 @@ impl Plant {
         let weighted = Matrix::from(&(d * nalgebra::DMatrix::from_diagonal(model.w())));
         let mut cb = Matrix::zeros(ny, model.actuator_count());
         multiply(&c, &b, &mut cb);
-        let strip = model.strip_gain().map(|gain| {
-            let delta = UNIT_ROUNDOFF * 4.0 * ny as f64;
-            let product = &gain * model.c();
-            let identity = nalgebra::DMatrix::identity(nx, nx);
-            let error = (&identity - product).abs() + (identity + gain.abs() * model.c().abs()) * delta;
-            let generators = &gain * nalgebra::DMatrix::from_diagonal(model.v());
-            Strip {
-                radius: (gain.abs() * model.v()).as_slice().to_vec(),
-                gain: Matrix::from(&gain),
-                generators: Matrix::from(&generators),
-                identity_error: Matrix::from(&error),
-                outward,
-            }
-        });
+        let strip = Strip::new(model, outward);
         let order = (generator_order + 4 * nx + ny + 16) as f64;
         Self {
             a0: Matrix::from(model.a0()),
@@ -126,6 +78,18 @@ impl Plant {
             b,
             c,
             noise,
+        }
+    }
+
+    /// D diag(w), nx x nd.
+    pub fn disturbance_matrix(&self) -> Matrix {
+        match &self.disturbance_generators {
+            Some(generators) => generators.clone(),
+            None => {
+                let mut diagonal = Matrix::with_capacity(self.nx(), self.nx());
+                diagonal.append_diagonal(&self.disturbance_radius);
+                diagonal
+            }
         }
     }
 
@@ -144,7 +108,8 @@ impl Plant {
     /// Columns that a generator matrix can have at any time of a step, for generator order s and nf own faults.
     pub fn column_capacity(&self, generator_order: usize, own_faults: usize) -> usize {
         let nd = self.disturbance_generators.as_ref().map_or(0, Matrix::columns);
-        generator_order + 3 * self.nx() + nd + 2 * self.ny() + own_faults + self.nu()
+        let carried = generator_order.max(self.ny() + self.nx());
+        carried + 3 * self.nx() + nd + 2 * self.ny() + own_faults + self.nu()
     }
 }
 

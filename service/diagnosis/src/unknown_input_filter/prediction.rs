@@ -24,7 +24,8 @@ pub(crate) struct Prediction {
     pub spread: Matrix,
     pub output_size: Vec<f64>,
     magnitude: Vec<f64>,
-    box_radius: Vec<f64>,
+    /// Radius of the box that uncertainty (and diagonal disturbance) add.
+    pub box_radius: Vec<f64>,
 }
 
 impl Prediction {
@@ -50,6 +51,29 @@ impl Prediction {
         command: &Command,
         fault_generators: Option<&Matrix>,
     ) {
+        self.predict_centre(plant, state, command, fault_generators);
+        let generators = &mut self.generators;
+        multiply(&plant.a0, &state.generators, generators);
+        generators.append_diagonal(&self.box_radius);
+        if let Some(disturbance) = &plant.disturbance_generators {
+            generators.append(disturbance);
+        }
+        if let Some(faults) = fault_generators {
+            generators.append(faults);
+        }
+        if !command.exact {
+            generators.append_scaled(&plant.b, &command.radius);
+        }
+    }
+
+    /// Predicts c, κ and the box of G only.
+    pub fn predict_centre(
+        &mut self,
+        plant: &Plant,
+        state: &SetState,
+        command: &Command,
+        fault_generators: Option<&Matrix>,
+    ) {
         let nx = plant.nx();
         let enlarge = 1.0 + plant.epsilon;
         for i in 0..nx {
@@ -66,28 +90,21 @@ impl Prediction {
             let merged = plant.disturbance_generators.is_none();
             self.box_radius[i] = uncertainty + if merged { plant.disturbance_radius[i] } else { 0.0 };
         }
-        let generators = &mut self.generators;
-        multiply(&plant.a0, &state.generators, generators);
-        generators.append_diagonal(&self.box_radius);
-        if let Some(disturbance) = &plant.disturbance_generators {
-            generators.append(disturbance);
-        }
-        if let Some(faults) = fault_generators {
-            generators.append(faults);
-        }
-        if !command.exact {
-            generators.append_scaled(&plant.b, &command.radius);
-        }
     }
 
     /// Compares with what was received.
     pub fn observe(&mut self, measured: &Measured) {
+        self.observe_centre(measured);
+        multiply(&measured.c, &self.generators, &mut self.spread);
+    }
+
+    /// Innovation and output size only.
+    pub fn observe_centre(&mut self, measured: &Measured) {
         for j in 0..measured.count() {
             let row = measured.c.row(j);
             self.innovation[j] = measured.y[j] - dot(row, &self.centre);
             self.output_size[j] = measured.y[j].abs() + absolute_dot(row, &self.size) + measured.noise[j];
         }
-        multiply(&measured.c, &self.generators, &mut self.spread);
     }
 
     /// Writes H = \[G - LΓ, LV\] for the correction with `gain`.

@@ -1,10 +1,8 @@
 //! How a filter finds back to a set that contains the state (method sheet 4.6).
 
 use super::{
-    bank::UnknownInputFilterBank,
-    filter::{reset_by_strip, state_bound},
-    options::ResetRule,
-    parity_window::ParityWindow,
+    bank::UnknownInputFilterBank, filter::state_bound, mode_filter::ModeFilter, options::ResetRule,
+    parity_window::ParityWindow, strip_reset::reset_by_strip,
 };
 
 /// Where the new set of a mode can come from.
@@ -27,7 +25,7 @@ impl UnknownInputFilterBank {
         let mut any = false;
         for i in 0..self.modes.len() {
             let wrong = self.alarm(i) && self.rules.reset != ResetRule::None;
-            if self.modes[i].filter.is_none() || !(wrong || self.state.sets[i].void) {
+            if !self.has_guaranteed_set(i) || !(wrong || self.state.sets[i].void) {
                 continue;
             }
             let source = if self.survives(i) {
@@ -44,6 +42,10 @@ impl UnknownInputFilterBank {
     /// Ends an episode: every mode but a sole survivor takes a set that holds whatever happened, all flags are
     /// cleared. Returns false, with nothing changed, when there is no such set or resets are switched off.
     pub(super) fn end_episode(&mut self) -> bool {
+        if !(0..self.modes.len()).any(|i| self.has_guaranteed_set(i)) {
+            self.clear_flags();
+            return true;
+        }
         let survivors = (0..self.modes.len()).filter(|&i| self.survives(i)).count();
         let Some(source) = self.source().filter(|_| self.rules.reset != ResetRule::None) else {
             return false;
@@ -53,17 +55,28 @@ impl UnknownInputFilterBank {
         }
         let sole = (0..self.modes.len()).find(|&i| survivors == 1 && self.survives(i));
         for i in 0..self.modes.len() {
-            if self.modes[i].filter.is_some() && Some(i) != sole {
+            if self.has_guaranteed_set(i) && Some(i) != sole {
                 match source {
                     Source::Hull => self.state.sets[i].set_box(&self.hull.centre, &self.hull.radius),
                     _ => self.take_set(i, Some(source)),
                 }
             }
         }
+        self.clear_flags();
+        true
+    }
+
+    fn clear_flags(&mut self) {
         self.state.windows.iter_mut().for_each(ParityWindow::restart);
         self.state.falsified.fill(false);
         self.state.quiet = 0;
-        true
+    }
+
+    fn has_guaranteed_set(&self, i: usize) -> bool {
+        self.modes[i]
+            .filter
+            .as_ref()
+            .is_some_and(ModeFilter::is_guaranteed)
     }
 
     /// Source of a set that contains the state if some survivor is the truth.

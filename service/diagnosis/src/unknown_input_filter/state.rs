@@ -13,6 +13,8 @@ pub(crate) struct SetState {
     pub radius: Vec<f64>,
     /// U, nx x nU: directions in which the set is unbounded; no column unless samples were lost.
     pub unbounded: Matrix,
+    /// P of the Kalman-type baseline, nx x nx; zero in the other forms.
+    pub covariance: Matrix,
     /// Whether the set is lost; then nothing is tested until a reset.
     pub void: bool,
 }
@@ -25,6 +27,7 @@ impl SetState {
             generators: Matrix::with_capacity(nx, columns),
             radius: vec![0.0; nx],
             unbounded: Matrix::with_capacity(nx, nx),
+            covariance: Matrix::zeros(nx, nx),
             void: true,
         }
     }

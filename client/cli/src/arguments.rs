@@ -1,0 +1,72 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+use residual_client::{DEFAULT_RUNTIME_DIRECTORY, InstanceName, RUNTIME_DIRECTORY_VARIABLE};
+
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  all is well; `status`: every diagnoser has judged its latest instant and none reports a fault
+  1  an error, such as a table that may not be read
+  2  wrong usage
+  3  there is no living daemon (the last state it left is shown all the same)
+  4  `status`: a diagnoser reports a fault
+  5  `status`: no fault is reported, but a diagnoser does not judge: stale, starting, not evaluated, or
+     guarantee lost";
+
+/// Looks at the diagnosers of a residuald daemon.
+#[derive(Debug, Parser)]
+#[command(name = "residual", version, after_help = EXIT_CODES)]
+pub struct Arguments {
+    /// Directory of the instance's files.
+    #[arg(long, global = true, value_name = "DIRECTORY", env = RUNTIME_DIRECTORY_VARIABLE,
+          default_value = DEFAULT_RUNTIME_DIRECTORY)]
+    pub runtime_directory: PathBuf,
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Shows all diagnosers and inputs once.
+    #[command(after_help = EXIT_CODES)]
+    Status {
+        /// Name of the instance; may be left out if there is only one.
+        #[arg(long, value_name = "NAME")]
+        instance: Option<InstanceName>,
+        /// Writes JSON, with every channel. A number that is not one (NaN) is null; infinite numbers are the
+        /// strings "inf" and "-inf".
+        #[arg(long)]
+        json: bool,
+    },
+    /// Shows every channel between its bounds, again and again.
+    ///
+    /// On a terminal: a view that is drawn anew (q, Esc or Ctrl-C ends it). Otherwise: one line for each new
+    /// record; records that came and went between two looks are counted as missed.
+    #[command(after_help = EXIT_CODES)]
+    Watch {
+        /// Name of the instance; may be left out if there is only one.
+        #[arg(long, value_name = "NAME")]
+        instance: Option<InstanceName>,
+        /// What to watch.
+        #[command(flatten)]
+        options: WatchOptions,
+    },
+}
+
+/// What to watch, and how long.
+#[derive(Debug, Args)]
+pub struct WatchOptions {
+    /// Watches this diagnoser only; may be given several times.
+    #[arg(long = "diagnoser", value_name = "NAME")]
+    pub diagnosers: Vec<String>,
+    /// Time between two looks, milliseconds.
+    #[arg(long, value_name = "MS", default_value_t = 200, value_parser = clap::value_parser!(u64).range(1..=3_600_000))]
+    pub interval: u64,
+    /// Ends after so many views, or lines.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub count: Option<u64>,
+}

@@ -1,0 +1,60 @@
+//! What can go wrong, and the exit code that tells it.
+
+use std::io;
+use std::path::PathBuf;
+
+use residual_client::{OpenError, ReadError};
+
+/// Exit code: an error.
+const FAILURE: u8 = 1;
+/// Exit code: wrong usage (clap uses the same).
+const USAGE: u8 = 2;
+/// Exit code: there is no living daemon.
+pub const NO_DAEMON: u8 = 3;
+
+/// Why `residual` gave up.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// No instance was named and none was found.
+    #[error("there is no instance in {}; is the daemon running, with this --runtime-directory?", .0.display())]
+    NoInstance(PathBuf),
+    /// No instance was named and there are several.
+    #[error("there are several instances: {}; choose one with --instance", .0.join(", "))]
+    SeveralInstances(Vec<String>),
+    /// The runtime directory cannot be listed.
+    #[error("cannot look for instances in {}: {source}", directory.display())]
+    RuntimeDirectory {
+        /// The directory.
+        directory: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The table cannot be opened.
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    /// A record cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// A diagnoser was named that the daemon does not have.
+    #[error("the daemon has no diagnoser `{name}`; it has {}", known.join(", "))]
+    NoSuchDiagnoser {
+        /// The name.
+        name: String,
+        /// The names there are.
+        known: Vec<String>,
+    },
+    /// The output cannot be written.
+    #[error("cannot write the output: {0}")]
+    Output(#[from] io::Error),
+}
+
+impl Error {
+    /// The exit code.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::NoInstance(_) | Self::Open(OpenError::NotFound { .. }) => NO_DAEMON,
+            Self::SeveralInstances(_) | Self::NoSuchDiagnoser { .. } => USAGE,
+            Self::RuntimeDirectory { .. } | Self::Open(_) | Self::Read(_) | Self::Output(_) => FAILURE,
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! `residual`: what the diagnosers of a residuald daemon say, on the command line.
+
+mod arguments;
+mod error;
+mod instances;
+mod number;
+mod snapshot;
+mod status;
+mod watch;
+
+use std::process::ExitCode;
+
+use arguments::{Arguments, Command};
+use clap::Parser;
+use error::Error;
+use residual_client::Monitor;
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    match run(&arguments) {
+        Ok(code) => ExitCode::from(code),
+        // The reader of a pipe has seen enough: `residual watch | head`.
+        Err(Error::Output(error)) if error.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("residual: {error}");
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<u8, Error> {
+    let open = |name: &Option<_>| -> Result<Monitor, Error> {
+        let instance = instances::choose(name.as_ref(), &arguments.runtime_directory)?;
+        Ok(Monitor::open(&instance)?)
+    };
+    match &arguments.command {
+        Command::Status { instance, json } => status::run(&mut open(instance)?, *json),
+        Command::Watch { instance, options } => watch::run(&mut open(instance)?, options),
+    }
+}

@@ -1,0 +1,457 @@
+//! The binary against a bounds table that the test writes.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use residual_shared::bounds_table::{Access, ChannelSpec, InputSpec, SlotSpec, TableSpec, TableWriter};
+use residual_shared::clock::{DaemonTime, monotonic_ns};
+use residual_shared::counters::{InputCounters, ScheduleCounters};
+use residual_shared::names::Instance;
+use residual_shared::record::{Channel, StepRecord, Verdict};
+use serde_json::Value;
+use tempfile::TempDir;
+
+struct Daemon {
+    directory: TempDir,
+    writer: TableWriter,
+}
+
+impl Daemon {
+    /// A daemon with the diagnosers `front` (two channels) and `rear` (none), and the input `imu`.
+    fn start() -> Self {
+        let directory = tempfile::Builder::new()
+            .prefix("residuald-test-")
+            .tempdir_in("/dev/shm")
+            .unwrap();
+        let writer = Self::create(directory.path(), "test");
+        Self { directory, writer }
+    }
+
+    fn create(directory: &Path, name: &str) -> TableWriter {
+        let channel = |name: &str, unit: &str| ChannelSpec {
+            name: name.into(),
+            unit: unit.into(),
+        };
+        let slot = |name: &str, channels| SlotSpec {
+            name: name.into(),
+            method: "chi_square".into(),
+            period_ns: 10_000_000_000,
+            phase_ns: 0,
+            margin_ns: 0,
+            channels,
+            faults: vec!["pump".into(), "valve".into()],
+        };
+        let spec = TableSpec {
+            instance: name.into(),
+            slots: vec![
+                slot("front", vec![channel("force", "N"), channel("yaw", "rad/s")]),
+                slot("rear", vec![]),
+            ],
+            inputs: vec![InputSpec {
+                name: "imu".into(),
+                signals: vec!["ax".into()],
+            }],
+            time: DaemonTime::MONOTONIC,
+            schedule_epoch_ns: 0,
+            stale_after_periods: 100,
+        };
+        let path = Instance::new(name.parse().unwrap(), directory).bounds_path();
+        TableWriter::create(
+            &path,
+            &spec,
+            &Access {
+                group: None,
+                mode: 0o600,
+            },
+        )
+        .unwrap()
+    }
+
+    fn publish(&mut self, slot: usize, step: u64, verdict: Verdict, channels: &[Channel]) {
+        let mut record = StepRecord::new(channels.len());
+        record.step = step;
+        record.instant_ns = monotonic_ns();
+        record.verdict = verdict as u32;
+        record.certainly_faulty = 0b10;
+        record.possibly_faulty = 0b11;
+        record.channels_mut().copy_from_slice(channels);
+        self.writer.publish(slot, &record);
+    }
+
+    fn publish_nominal(&mut self) {
+        self.publish(0, 1, Verdict::Nominal, &NOMINAL);
+        self.publish(1, 1, Verdict::Nominal, &[]);
+    }
+
+    fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_residual"));
+        command
+            .args(arguments)
+            .env("RESIDUALD_RUNTIME_DIRECTORY", self.directory.path());
+        command
+    }
+
+    fn run(&self, arguments: &[&str]) -> Output {
+        self.command(arguments).output().unwrap()
+    }
+}
+
+const NOMINAL: [Channel; 2] = [
+    Channel {
+        lower: -2.0,
+        residual: 0.5,
+        upper: 2.0,
+        ratio: 0.25,
+    },
+    Channel::NOT_EVALUATED,
+];
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+#[test]
+fn status_shows_verdict_faults_worst_channel_and_counters() {
+    let mut daemon = Daemon::start();
+    let beyond = Channel {
+        lower: 0.0,
+        residual: 1.0,
+        upper: 0.0,
+        ratio: f64::INFINITY,
+    };
+    daemon.publish(0, 41, Verdict::Isolated, &[NOMINAL[0], beyond]);
+    daemon.publish(1, 42, Verdict::Nominal, &[]);
+    daemon.writer.publish_schedule_counters(
+        0,
+        &ScheduleCounters {
+            skipped: 777,
+            ..Default::default()
+        },
+    );
+    daemon.writer.publish_input_counters(
+        0,
+        &InputCounters {
+            lost: 888,
+            ..Default::default()
+        },
+    );
+    let output = daemon.run(&["status", "--instance", "test"]);
+    let shown = text(&output.stdout);
+    let row = |name: &str| {
+        shown
+            .lines()
+            .find(|line| line.contains(name))
+            .unwrap()
+            .to_string()
+    };
+    for word in ["fresh", "isolated", "valve", "yaw", "inf", "41", "777"] {
+        assert!(row("front").contains(word), "{word}: {shown}");
+    }
+    // A nominal record names no fault, whatever its fault sets hold.
+    assert!(
+        row("rear").contains("nominal") && !row("rear").contains("valve"),
+        "{shown}"
+    );
+    assert!(row("imu").contains("888"), "{shown}");
+    assert_eq!(output.status.code(), Some(4));
+}
+
+#[test]
+fn json_has_every_channel_with_null_and_strings_for_numbers_it_cannot_hold() {
+    let mut daemon = Daemon::start();
+    let beyond = Channel {
+        lower: 0.0,
+        residual: 1.0,
+        upper: 0.0,
+        ratio: f64::INFINITY,
+    };
+    daemon.publish(0, 3, Verdict::Nominal, &[beyond, Channel::NOT_EVALUATED]);
+    daemon.publish(1, 3, Verdict::Nominal, &[]);
+    let output = daemon.run(&["status", "--json"]);
+    let json: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(json["daemon"], "running");
+    assert_eq!(json["pid"], std::process::id());
+    let front = &json["diagnosers"][0];
+    assert_eq!((&front["name"], &front["step"]), (&"front".into(), &3.into()));
+    assert_eq!(front["channels"][0]["ratio"], "inf");
+    assert_eq!(front["channels"][0]["residual"], 1.0);
+    assert_eq!(front["channels"][1]["ratio"], Value::Null);
+    assert_eq!(front["fault_estimate"], Value::Null);
+    assert_eq!(front["worst_channel"]["name"], "force");
+    assert_eq!(json["inputs"][0]["counters"]["accepted"], 0);
+    assert_eq!(output.status.code(), Some(0));
+}
+
+#[test]
+fn the_exit_code_tells_the_condition_of_the_diagnosers() {
+    let mut daemon = Daemon::start();
+    let code = |daemon: &Daemon| daemon.run(&["status"]).status.code().unwrap();
+    assert_eq!(code(&daemon), 5, "nothing has been written yet");
+    daemon.publish_nominal();
+    assert_eq!(code(&daemon), 0);
+    daemon.publish(1, 2, Verdict::GuaranteeLost, &[]);
+    assert_eq!(code(&daemon), 5);
+    daemon.publish(0, 2, Verdict::Fault, &NOMINAL);
+    assert_eq!(code(&daemon), 4);
+    daemon.writer.heartbeat(0);
+    assert_eq!(code(&daemon), 3, "hung");
+    daemon.writer.close();
+    let output = daemon.run(&["status"]);
+    assert_eq!(output.status.code(), Some(3));
+    assert!(text(&output.stdout).contains("daemon closed"));
+}
+
+#[test]
+fn without_a_daemon_the_message_says_where_it_was_looked_for() {
+    let daemon = Daemon::start();
+    let output = daemon.run(&["status", "--instance", "other"]);
+    assert_eq!(output.status.code(), Some(3));
+    let message = text(&output.stderr);
+    assert!(
+        message.contains("residuald.other.bounds") && message.contains("running"),
+        "{message}"
+    );
+    let empty = tempfile::tempdir().unwrap();
+    let directory = empty.path().to_str().unwrap();
+    for command in ["status", "watch"] {
+        let output = daemon.run(&["--runtime-directory", directory, command]);
+        assert_eq!(output.status.code(), Some(3));
+        assert!(text(&output.stderr).contains(directory));
+    }
+}
+
+#[test]
+fn of_several_instances_the_living_one_is_chosen_and_two_living_ones_must_be_named() {
+    let mut daemon = Daemon::start();
+    daemon.publish_nominal();
+    let second = Daemon::create(daemon.directory.path(), "second");
+    let output = daemon.run(&["status"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("second, test"));
+    second.close();
+    assert!(text(&daemon.run(&["status"]).stdout).contains("instance test"));
+}
+
+#[test]
+fn wrong_usage_is_refused_with_help() {
+    let daemon = Daemon::start();
+    for arguments in [
+        &["status", "--instance", "A/B"][..],
+        &["watch", "--interval", "0"],
+        &["watch", "--count", "0"],
+        &[],
+    ] {
+        let output = daemon.run(arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+    }
+    let output = daemon.run(&["watch", "--diagnoser", "middle"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("front, rear"));
+    assert!(text(&daemon.run(&["--help"]).stdout).contains("Exit codes"));
+}
+
+#[test]
+fn a_file_that_is_no_table_is_an_error() {
+    let daemon = Daemon::start();
+    let path = Instance::new("foreign".parse().unwrap(), daemon.directory.path()).bounds_path();
+    std::fs::write(path, [7; 1_000]).unwrap();
+    let output = daemon.run(&["status", "--instance", "foreign"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("not a bounds table"));
+}
+
+#[test]
+fn a_reader_of_the_pipe_that_leaves_does_not_change_the_exit_code_of_status() {
+    let mut daemon = Daemon::start();
+    daemon.publish(0, 1, Verdict::Fault, &NOMINAL);
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let output = daemon.command(&["status"]).stdout(writer).output().unwrap();
+    assert_eq!(
+        (output.status.code(), text(&output.stderr)),
+        (Some(4), String::new())
+    );
+}
+
+/// A child that is killed when the test fails.
+struct Watching(Child);
+
+impl Drop for Watching {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn watch_writes_one_line_for_each_new_record_and_ends_by_its_count() {
+    let mut daemon = Daemon::start();
+    daemon.publish(0, 10, Verdict::Nominal, &NOMINAL);
+    let arguments = ["watch", "--diagnoser", "front", "--interval", "5", "--count", "3"];
+    let child = daemon.command(&arguments).stdout(Stdio::piped()).spawn().unwrap();
+    let mut child = Watching(child);
+    let mut lines = BufReader::new(child.0.stdout.take().unwrap())
+        .lines()
+        .map(Result::unwrap);
+    let first = lines.next().unwrap();
+    assert!(first.starts_with("front fresh | step 10 at "), "{first}");
+    assert!(
+        first.contains("| nominal | force 0.5000 in [-2.0000, 2.0000] N ratio 0.2500"),
+        "{first}"
+    );
+    assert!(first.contains("| yaw 0 in [0, 0] rad/s ratio -"), "{first}");
+    daemon.publish(0, 11, Verdict::Fault, &NOMINAL);
+    let second = lines.next().unwrap();
+    assert!(
+        second.contains("step 11") && second.contains("| fault: valve |"),
+        "{second}"
+    );
+    assert!(!second.contains("missed"), "{second}");
+    drop(daemon);
+    assert_eq!(lines.next().as_deref(), Some("front dead"));
+    assert_eq!(lines.next(), None);
+    assert_eq!(child.0.wait().unwrap().code(), Some(0));
+}
+
+#[test]
+fn watch_counts_the_records_it_missed_and_follows_a_restart() {
+    let mut daemon = Daemon::start();
+    daemon.publish_nominal();
+    let arguments = [
+        "watch",
+        "--diagnoser",
+        "rear",
+        "--interval",
+        "300",
+        "--count",
+        "3",
+    ];
+    let child = daemon.command(&arguments).stdout(Stdio::piped()).spawn().unwrap();
+    let mut child = Watching(child);
+    let mut lines = BufReader::new(child.0.stdout.take().unwrap())
+        .lines()
+        .map(Result::unwrap);
+    lines.next().unwrap();
+    for step in 2..=5 {
+        daemon.publish(1, step, Verdict::Nominal, &[]);
+    }
+    let second = lines.next().unwrap();
+    assert!(
+        second.contains("step 5") && second.ends_with("| 3 missed"),
+        "{second}"
+    );
+    daemon.writer = Daemon::create(daemon.directory.path(), "test");
+    daemon.publish(1, 100, Verdict::Nominal, &[]);
+    let third = lines.next().unwrap();
+    assert!(third.contains("step 100") && !third.contains("missed"), "{third}");
+    assert!(child.0.wait().unwrap().success());
+}
+
+#[test]
+fn a_reader_of_the_pipe_that_leaves_ends_watch_quietly() {
+    let mut daemon = Daemon::start();
+    daemon.publish_nominal();
+    let mut command = daemon.command(&["watch", "--interval", "1"]);
+    let child = command
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut child = Watching(child);
+    let mut output = BufReader::new(child.0.stdout.take().unwrap());
+    output.read_line(&mut String::new()).unwrap();
+    drop(output);
+    let deadline = Instant::now() + Duration::from_secs(10);
+    let mut step = 2;
+    let status = loop {
+        daemon.publish(0, step, Verdict::Nominal, &NOMINAL);
+        step += 1;
+        match child.0.try_wait().unwrap() {
+            Some(status) => break status,
+            None => assert!(Instant::now() < deadline, "still running"),
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    let mut message = String::new();
+    child
+        .0
+        .stderr
+        .take()
+        .unwrap()
+        .read_to_string(&mut message)
+        .unwrap();
+    assert_eq!((status.code(), message.as_str()), (Some(0), ""));
+}
+
+/// Runs `watch` on a terminal of its own, sends it `keys` after its first view, and gives all that it drew.
+fn watch_on_a_terminal(daemon: &Daemon, options: &[&str], keys: &[u8]) -> String {
+    use nix::pty::openpty;
+    use nix::sys::termios::tcgetattr;
+
+    let terminal = openpty(None, None).unwrap();
+    let before = tcgetattr(&terminal.slave).unwrap();
+    let side = || Stdio::from(terminal.slave.try_clone().unwrap());
+    let mut command = daemon.command(&["watch"]);
+    let child = command
+        .args(options)
+        .stdin(side())
+        .stdout(side())
+        .stderr(side())
+        .spawn()
+        .unwrap();
+    drop(command);
+    let mut child = Watching(child);
+    let mut master = File::from(terminal.master);
+    let mut drawn = Vec::new();
+    let mut chunk = [0; 4096];
+    let mut is_sent = keys.is_empty();
+    // The alternate screen is left last: nothing is read after it, so that the end cannot block.
+    while !text_lossy(&drawn).contains("\x1b[?1049l") {
+        let count = master.read(&mut chunk).unwrap();
+        drawn.extend_from_slice(&chunk[..count]);
+        if !is_sent && text_lossy(&drawn).contains("yaw") {
+            master.write_all(keys).unwrap();
+            is_sent = true;
+        }
+    }
+    assert_eq!(child.0.wait().unwrap().code(), Some(0));
+    assert_eq!(
+        tcgetattr(&terminal.slave).unwrap(),
+        before,
+        "the terminal was not restored"
+    );
+    text_lossy(&drawn)
+}
+
+fn text_lossy(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+#[test]
+fn watch_on_a_terminal_draws_bars_and_restores_the_terminal_on_ctrl_c() {
+    let mut daemon = Daemon::start();
+    daemon.publish_nominal();
+    let begin = Instant::now();
+    let drawn = watch_on_a_terminal(&daemon, &["--interval", "20", "--count", "500"], b"\x03");
+    assert!(
+        begin.elapsed() < Duration::from_secs(8),
+        "ended by its count only"
+    );
+    assert!(
+        drawn.contains("\x1b[?1049h") && drawn.contains("\x1b[?25h"),
+        "{drawn}"
+    );
+    assert!(drawn.contains("front (chi_square): fresh, nominal"), "{drawn}");
+    assert!(drawn.contains("█████···"), "a quarter of the bar: {drawn}");
+}
+
+#[test]
+fn watch_on_a_terminal_ends_by_its_count() {
+    let mut daemon = Daemon::start();
+    daemon.publish_nominal();
+    watch_on_a_terminal(&daemon, &["--interval", "5", "--count", "2"], b"");
+}

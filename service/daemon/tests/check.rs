@@ -1,0 +1,231 @@
+//! `residuald check` as its user sees it.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod common;
+
+use common::{line_of, mistakes_of, repository, vtol_with};
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// Two actuators, two states, both measured.
+const SMALL: &str = r#"
+[daemon]
+instance = "small"
+[[input]]
+name = "plant"
+signals = ["y0", "y1", "u0", "u1"]
+[[diagnoser]]
+name = "loop"
+method = "unknown_input_filter"
+sample_time_s = 0.1
+measurements = ["plant.y0", "plant.y1"]
+commands = ["plant.u0", "plant.u1"]
+[diagnoser.model]
+A = [[0.9, 0], [0, 0.9]]
+B = [[1, 0], [0, 1]]
+C = [[1, 0], [0, 1]]
+measurement_noise_bound = [0.1, 0.1]
+[diagnoser.missing]
+fault_bound = [1, 1]
+"#;
+
+fn check(path: &Path) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_residuald"))
+        .arg("check")
+        .arg(path)
+        .output()
+        .unwrap()
+}
+
+fn check_text(text: &str) -> Output {
+    let file = tempfile::Builder::new().suffix(".toml").tempfile().unwrap();
+    std::fs::write(file.path(), text).unwrap();
+    check(file.path())
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+#[test]
+fn a_good_configuration_is_reported_with_exit_code_0() {
+    let output = check(&repository("deploy/config/vtol.toml"));
+    let report = text(&output.stdout);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    for words in [
+        "instance vtol",
+        "/dev/shm/residuald.vtol.bounds, mode 0640",
+        "input aircraft_sensors",
+        "horizontal_speed [kn]",
+        "diagnoser aircraft_actuators",
+        "period 10 ms, phase 0 s, margin 2 ms, priority 0",
+        "fault-free, collective_pitch, longitudinal_cyclic_pitch",
+        "in order",
+    ] {
+        assert!(report.contains(words), "no `{words}` in\n{report}");
+    }
+    assert!(report.lines().all(|line| line.chars().count() <= 110), "{report}");
+}
+
+#[test]
+fn a_refusal_shows_file_line_column_and_help_with_exit_code_1() {
+    let bad = vtol_with("gain_sweeps = 0", "gain_sweep = 0");
+    let output = check_text(&bad);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(output.stdout.is_empty());
+    let report = text(&output.stderr);
+    let place = format!(".toml:{}:1]", line_of(&bad, "gain_sweep = 0"));
+    for words in [
+        "1 mistake",
+        &place,
+        "unknown key `gain_sweep`",
+        "did you mean `gain_sweeps`?",
+    ] {
+        assert!(report.contains(words), "no `{words}` in\n{report}");
+    }
+}
+
+#[test]
+fn a_missing_file_gives_exit_code_1_and_its_path() {
+    let output = check(Path::new("/nowhere/residuald.toml"));
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("/nowhere/residuald.toml"));
+}
+
+#[test]
+fn what_is_probably_not_meant_is_a_warning() {
+    let spare = SMALL
+        .replace("\"u1\"]", "\"u1\", \"spare\"]")
+        .replace("sample_time_s = 0.1", "sample_time_s = 0.1\nmargin_s = 0.5");
+    let output = check_text(&spare.replace("[[diagnoser]]", "[realtime]\ncpu = 1000\n[[diagnoser]]"));
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let report = text(&output.stdout)
+        .split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ");
+    for words in [
+        "no diagnoser uses the signal `plant.spare`",
+        "the margin of the diagnoser `loop` exceeds its period",
+        "but not number 1000",
+        "`filter.fault_of_interest` is not set",
+    ] {
+        assert!(report.contains(words), "no `{words}` in\n{report}");
+    }
+}
+
+#[test]
+fn certificates_are_used_and_refused_where_they_do_not_fit() {
+    // λ = (1, 0), μ_0 = -A'λ, μ_1 = λ: the second output never enters, the model holds exactly.
+    let certificate = "[[diagnoser.parity.certificates]]\nmode = []\nfault = 0\nL = 1\n\
+                       mu = [[-0.9, 0], [1, 0]]\nlambda = [[1, 0]]\n[diagnoser.missing]";
+    let good = SMALL.replace("[diagnoser.missing]", certificate);
+    let report = check_text(&good).stdout;
+    assert!(
+        text(&report).contains("parity") && !text(&report).contains("no certificates"),
+        "{}",
+        text(&report)
+    );
+    let altered = good.replace("-0.9", "-0.8");
+    let without_mode = good.replace(
+        "[diagnoser.missing]",
+        "[diagnoser.bank]\nfault_free_mode = false\n[diagnoser.missing]",
+    );
+    for (bad, words) in [(altered, "equality"), (without_mode, "mode []")] {
+        let mistakes = mistakes_of(&bad);
+        assert_eq!(mistakes.len(), 1, "{mistakes:?}");
+        assert_eq!(
+            mistakes[0].line,
+            line_of(&bad, "[[diagnoser.parity.certificates]]"),
+            "{mistakes:?}"
+        );
+        assert!(mistakes[0].message.contains(words), "{mistakes:?}");
+    }
+}
+
+#[test]
+fn conditions_of_the_method_are_refused_at_their_place() {
+    assert!(mistakes_of(SMALL).is_empty(), "{:?}", mistakes_of(SMALL));
+    let invisible = SMALL.replace("B = [[1, 0], [0, 1]]", "B = [[1, 0], [0, 0]]");
+    let cases = [
+        (
+            invisible.as_str(),
+            "C = [[1, 0]",
+            "no output shows a fault of \"u1\"",
+            "add a sensor",
+        ),
+        (
+            &SMALL.replace(
+                "[diagnoser.missing]",
+                "[diagnoser.bank]\nsimultaneous_faults = [1, 2]\n[diagnoser.missing]",
+            ),
+            "simultaneous_faults",
+            "(u0 + u1) has as many unknown faults as there are outputs",
+            "leave `2` out",
+        ),
+        (
+            &SMALL.replace(
+                "[diagnoser.missing]",
+                "[diagnoser.filter]\ninitialisation = \"prior\"\n[diagnoser.missing]",
+            ),
+            "[diagnoser.model]",
+            "`model.initial_state_radius` is missing",
+            "give its radius",
+        ),
+    ];
+    for (text, place, message, help) in cases {
+        let mistakes = mistakes_of(text);
+        assert_eq!(mistakes.len(), 1, "{mistakes:?}");
+        assert_eq!(mistakes[0].line, line_of(text, place), "{mistakes:?}");
+        assert!(mistakes[0].message.contains(message), "{mistakes:?}");
+        assert!(
+            mistakes[0].help.as_deref().unwrap().contains(help),
+            "{mistakes:?}"
+        );
+    }
+}
+
+#[test]
+fn more_channels_than_a_record_holds_are_refused_with_the_way_out() {
+    let count = 8;
+    let row = |i: usize, value: f64| {
+        let entry = |j: usize| if i == j { value.to_string() } else { "0".to_owned() };
+        format!("[{}]", (0..count).map(entry).collect::<Vec<_>>().join(", "))
+    };
+    let matrix = |value: f64| {
+        format!(
+            "[{}]",
+            (0..count).map(|i| row(i, value)).collect::<Vec<_>>().join(", ")
+        )
+    };
+    let names = |prefix: &str| {
+        let names: Vec<_> = (0..count).map(|i| format!("\"{prefix}{i}\"")).collect();
+        format!("[{}]", names.join(", "))
+    };
+    let bounds = format!("[{}]", vec!["0.1"; count].join(", "));
+    let (a, b) = (matrix(0.9), matrix(1.0));
+    let text = format!(
+        "[daemon]\ninstance = \"wide\"\n[[input]]\nname = \"y\"\nsignals = {}\n[[input]]\nname = \"u\"\n\
+         signals = {}\n[[diagnoser]]\nname = \"wide\"\nmethod = \"unknown_input_filter\"\nsample_time_s = 0.1\n\
+         measurements = {}\ncommands = {}\n[diagnoser.model]\nA = {a}\nB = {b}\nC = {b}\n\
+         measurement_noise_bound = {bounds}\n[diagnoser.filter]\ngain = \"row_wise\"\npublish = \"all\"\n\
+         [diagnoser.missing]\nfault_bound = {bounds}\n",
+        names("y"),
+        names("u"),
+        names("y.y"),
+        names("u.u"),
+    );
+    let mistakes = mistakes_of(&text);
+    assert_eq!(mistakes.len(), 1, "{mistakes:?}");
+    assert_eq!(mistakes[0].line, line_of(&text, "publish = \"all\""));
+    assert!(mistakes[0].message.contains("a record holds 64"), "{mistakes:?}");
+    assert!(
+        mistakes[0]
+            .help
+            .as_deref()
+            .unwrap()
+            .contains("`filter.publish` = \"worst\""),
+        "{mistakes:?}"
+    );
+    let worst = text.replace("publish = \"all\"", "publish = \"worst\"");
+    assert!(mistakes_of(&worst).is_empty(), "{:?}", mistakes_of(&worst));
+}
