@@ -22,6 +22,7 @@ use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
 use crate::names::Instance;
 
 mod records;
+mod room;
 mod samples;
 
 pub use records::{RecordHeader, RecordPublisher, RecordSubscriber};
@@ -29,6 +30,9 @@ pub use samples::{SamplePublisher, SampleSubscriber, SendError};
 
 /// A process's access to the iceoryx2 services of one instance.
 pub type Node = IceoryxNode<ipc::Service>;
+
+/// Where iceoryx2 keeps its shared memory, whatever its root directory is.
+const SHARED_MEMORY: &str = "/dev/shm";
 
 /// How many processes may be attached to one service; iceoryx2's own default is 20.
 const MAX_NODES: usize = 40;
@@ -51,6 +55,18 @@ pub enum TransportError {
         path: PathBuf,
         /// The system's reason.
         source: io::Error,
+    },
+    /// A file system is full.
+    #[error(
+        "`{directory}` has no room for {} KiB of shared memory; free some of it or make it larger \
+         (mount -o remount,size=…)",
+        bytes.div_ceil(1024)
+    )]
+    NoRoom {
+        /// Where there is no room.
+        directory: PathBuf,
+        /// What is needed, bytes.
+        bytes: u64,
     },
     /// The node could not be created.
     #[error("cannot join iceoryx2 of instance `{instance}`: {reason}; is another user running it?")]
@@ -80,6 +96,7 @@ pub enum TransportError {
 pub fn open_node(instance: &Instance) -> Result<Node, TransportError> {
     let root = instance.iceoryx_root();
     create_private_directory(&root)?;
+    room::check(instance)?;
     let config = configuration(instance)?;
     let node = NodeBuilder::new()
         .config(&config)
@@ -152,14 +169,14 @@ fn restrict_management_segments(instance: &Instance) {
     }
 }
 
-/// Shared memory of the instance. iceoryx2 keeps it in /dev/shm whatever the root directory is.
+/// Shared memory of the instance.
 fn management_files(instance: &Instance) -> Vec<PathBuf> {
     let prefix = instance.iceoryx_prefix();
     let belongs = |path: &PathBuf| {
         path.file_name()
             .is_some_and(|name| name.as_encoded_bytes().starts_with(prefix.as_bytes()))
     };
-    let entries = fs::read_dir("/dev/shm").into_iter().flatten().flatten();
+    let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
     entries.map(|entry| entry.path()).filter(belongs).collect()
 }
 

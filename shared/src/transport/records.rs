@@ -5,7 +5,7 @@ use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::{ZeroCopySend, ipc};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
-use super::{MAX_NODES, Node, SendError, TransportError, open_error, refused, service_name};
+use super::{MAX_NODES, Node, SendError, TransportError, open_error, refused, room, service_name};
 use crate::names::Instance;
 use crate::record::StepRecord;
 
@@ -53,6 +53,7 @@ impl RecordPublisher {
             .publisher_builder()
             .create()
             .map_err(|error| refused(&name, error))?;
+        room::reserve(instance)?;
         Ok(Self {
             publisher,
             service: name,

@@ -5,7 +5,7 @@ use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::{AllocationStrategy, ipc};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
-use super::{MAX_NODES, Node, TransportError, open_error, refused, service_name};
+use super::{MAX_NODES, Node, TransportError, open_error, refused, room, service_name};
 use crate::names::Instance;
 use crate::sample::SampleHeader;
 
@@ -108,6 +108,7 @@ impl SamplePublisher {
             .allocation_strategy(AllocationStrategy::Static)
             .create()
             .map_err(|error| refused(&name, error))?;
+        room::reserve(instance)?;
         Ok(Self {
             publisher,
             service: name,

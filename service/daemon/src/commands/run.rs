@@ -7,14 +7,15 @@ use std::sync::atomic::AtomicBool;
 use residual_shared::bounds_table::{Access, CreateError, TableWriter};
 use residual_shared::clock::{DaemonTime, monotonic_ns};
 use residual_shared::names::Instance;
-use residual_shared::transport::{self, SampleSubscriber, TransportError};
+use residual_shared::transport::{self, Node, SampleSubscriber, TransportError};
+use rtrb::Producer;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
 use tracing::{info, warn};
 
 use crate::assembly::{assemble, descriptions, log_names, table_spec};
 use crate::configuration::{BuiltDiagnoser, Configuration};
-use crate::runtime::companion::Companion;
+use crate::runtime::companion::{Companion, Message};
 use crate::runtime::live::{Publication, StepLoop};
 use crate::runtime::lock::{InstanceLock, LockError};
 use crate::runtime::real_time;
@@ -58,8 +59,10 @@ pub fn run(
     let instance = configuration.daemon.instance();
     let _lock = InstanceLock::take(&instance)?;
     transport::remove_leftovers(&instance)?;
-    let summary = monitor(configuration, diagnosers, speed, &instance, &stop)?;
-    transport::remove_leftovers(&instance)?;
+    let outcome = monitor(configuration, diagnosers, speed, &instance, &stop);
+    let removed = transport::remove_leftovers(&instance);
+    let summary = outcome?;
+    removed?;
     Ok(summary)
 }
 
@@ -77,13 +80,45 @@ fn monitor(
         }
     }
     let node = transport::open_node(instance)?;
+    let (sender, receiver) = rtrb::RingBuffer::new(configuration.daemon.record_queue);
+    let names = log_names(configuration, &descriptions(&diagnosers));
+    let companion = Companion::start(instance.clone(), names, receiver)?;
+    // After the companion, which shall keep the usual scheduling, and before the epoch: locking memory takes
+    // longer than a sampling period.
+    real_time::apply(&configuration.realtime);
+    let step_loop = step_loop(configuration, diagnosers, speed, &node, sender, stop)?;
+    info!(
+        instance = %instance.name,
+        table = %instance.bounds_path().display(),
+        diagnosers = configuration.diagnosers.len(),
+        "running"
+    );
+    let engine = step_loop.run();
+    drop(companion);
+    info!("stopped");
+    Ok(Summary::of(configuration, &engine))
+}
+
+/// The loop of the step thread with its subscribers and its bounds table, ready to run: the first sampling
+/// instant comes 20 ms from now.
+///
+/// Records and changed counters go into `queue` as well; `stop` ends the loop.
+pub fn step_loop<'a>(
+    configuration: &Configuration,
+    diagnosers: Vec<BuiltDiagnoser>,
+    speed: f64,
+    node: &Node,
+    queue: Producer<Message>,
+    stop: &'a AtomicBool,
+) -> Result<StepLoop<'a>, RunError> {
+    let instance = configuration.daemon.instance();
     let subscribers = configuration
         .inputs
         .iter()
         .map(|input| {
             SampleSubscriber::create(
-                &node,
-                instance,
+                node,
+                &instance,
                 &input.name,
                 input.buffer_samples,
                 input.max_publishers,
@@ -91,50 +126,31 @@ fn monitor(
         })
         .collect::<Result<Vec<_>, _>>()?;
 
-    let descriptions = descriptions(&diagnosers);
-    let (sender, receiver) = rtrb::RingBuffer::new(configuration.daemon.record_queue);
-    let names = log_names(configuration, &descriptions);
-    let companion = Companion::start(instance.clone(), names, receiver)?;
-    // After the companion, which shall keep the usual scheduling, and before the epoch: locking memory takes
-    // longer than a sampling period.
-    real_time::apply(&configuration.realtime);
-
     let time = DaemonTime {
         origin_ns: monotonic_ns(),
         speed,
     };
     let epoch_ns = time.from_monotonic(time.origin_ns + HEAD_START_NS);
+    let spec = table_spec(configuration, &descriptions(&diagnosers), time, epoch_ns);
     let engine = assemble(configuration, diagnosers, epoch_ns, speed);
-
     let access = Access {
         group: configuration.daemon.group,
         mode: configuration.daemon.mode,
     };
-    let spec = table_spec(configuration, &descriptions, time, epoch_ns);
     let table = TableWriter::create(&instance.bounds_path(), &spec, &access)?;
     let publication = Publication::new(
         table,
-        sender,
+        queue,
         configuration.inputs.len(),
         configuration.diagnosers.len(),
     );
-    info!(
-        instance = %instance.name,
-        table = %instance.bounds_path().display(),
-        diagnosers = configuration.diagnosers.len(),
-        "running"
-    );
-    let engine = StepLoop {
+    Ok(StepLoop {
         engine,
         subscribers,
         publication,
         time,
         stop,
-    }
-    .run();
-    drop(companion);
-    info!("stopped");
-    Ok(Summary::of(configuration, &engine))
+    })
 }
 
 fn stop_flag() -> Result<Arc<AtomicBool>, io::Error> {

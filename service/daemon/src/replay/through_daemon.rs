@@ -185,16 +185,28 @@ fn check(configuration: &Configuration, directory: &Directory, speed: f64) -> Re
         )));
     }
     for (slot, configured) in directory.spec.slots.iter().zip(&configuration.diagnosers) {
-        let there = (&slot.name, slot.period_ns, slot.phase_ns);
-        let here = (&configured.name, configured.period_ns, configured.phase_ns);
-        if there != here {
+        if slot.name != configured.name {
             return Err(other(format!(
                 "`{}` there, `{}` here",
                 slot.name, configured.name
             )));
         }
+        let there = describe_timing(slot.period_ns, slot.phase_ns);
+        let here = describe_timing(configured.period_ns, configured.phase_ns);
+        if there != here {
+            return Err(other(format!("`{}` with {there} there, {here} here", slot.name)));
+        }
     }
     Ok(())
+}
+
+fn describe_timing(period_ns: u64, phase_ns: u64) -> String {
+    let milliseconds = |nanoseconds: u64| nanoseconds as f64 * 1e-6;
+    format!(
+        "period {} ms and phase {} ms",
+        milliseconds(period_ns),
+        milliseconds(phase_ns)
+    )
 }
 
 /// The next moment that lies a whole number of every diagnoser's periods after the epoch.

@@ -25,8 +25,17 @@ pub enum LockError {
         /// The other daemon's process number, as it wrote it.
         pid: String,
     },
+    /// The runtime directory does not exist.
+    #[error(
+        "the runtime directory `{directory}` does not exist; create it on a tmpfs, or set another \
+         `runtime_directory`"
+    )]
+    NoDirectory {
+        /// The missing directory.
+        directory: PathBuf,
+    },
     /// The lock file cannot be used.
-    #[error("cannot lock `{path}`: {source}; does the directory exist, and does another user own the file?")]
+    #[error("cannot lock `{path}`: {source}; may this user write there, and does another user own the file?")]
     File {
         /// The lock file.
         path: PathBuf,
@@ -39,6 +48,11 @@ impl InstanceLock {
     /// Takes the instance or says who has it.
     pub fn take(instance: &Instance) -> Result<Self, LockError> {
         let path = instance.lock_path();
+        if !instance.runtime_directory.is_dir() {
+            return Err(LockError::NoDirectory {
+                directory: instance.runtime_directory.clone(),
+            });
+        }
         let failed = |source| LockError::File {
             path: path.clone(),
             source,

@@ -1,0 +1,202 @@
+//! The loop of the step thread allocates nothing once its publishers are connected, whatever they send.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod support;
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::sync::atomic::AtomicBool;
+
+use residual_shared::clock::{DaemonTime, sleep_until_monotonic};
+use residual_shared::record::{StepRecord, flags};
+use residual_shared::sample::SampleHeader;
+use residual_shared::transport;
+use residuald::commands::run::step_loop;
+use residuald::configuration::Configuration;
+use residuald::demo::plant::{Aircraft, Disturbance};
+use residuald::runtime::companion::Message;
+use support::publisher::Drivers;
+use support::{PERIOD_NS, Stage};
+
+thread_local! {
+    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+/// The system's allocator; counts what each thread asks for.
+struct CountingAllocator;
+
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;
+
+// Counting allocations needs an allocator of our own, and those are unsafe to implement.
+#[allow(unsafe_code)]
+// SAFETY: every request is passed on unchanged to the system's allocator, which keeps the contract; counting
+// touches a thread-local integer only, which needs neither allocation nor destructor.
+unsafe impl GlobalAlloc for CountingAllocator {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.with(|count| count.set(count.get() + 1));
+        // SAFETY: the caller's promises are passed on.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        ALLOCATIONS.with(|count| count.set(count.get() + 1));
+        // SAFETY: the caller's promises are passed on.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        ALLOCATIONS.with(|count| count.set(count.get() + 1));
+        // SAFETY: the caller's promises are passed on.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+/// Allocations and releases of this thread during `action`.
+fn allocations(action: impl FnOnce()) -> u64 {
+    let before = ALLOCATIONS.get();
+    action();
+    ALLOCATIONS.get() - before
+}
+
+/// Turns of the loop.
+const TURNS: u64 = 2_400;
+/// Turns until every connection stands and every first time is over.
+const WARM_UP: u64 = 20;
+/// Measurements after which the aircraft begins anew, healthy: a jump, an episode of alarms, its end.
+const COURSE: u64 = 240;
+/// So that the test takes seconds, the daemon's time runs faster.
+const SPEED: f64 = 8.0;
+
+/// What the records of the whole test said.
+#[derive(Debug, Default)]
+struct Seen {
+    records: u64,
+    alarms: u64,
+    resets: u64,
+    missing: u64,
+    late: u64,
+    isolated: u64,
+}
+
+impl Seen {
+    fn take(&mut self, record: &StepRecord) {
+        let has = |flag| u64::from(record.flags & flag != 0);
+        self.records += 1;
+        self.alarms += has(flags::ALARM_NOW);
+        self.resets += has(flags::RESET);
+        self.missing += has(flags::INPUT_MISSING);
+        self.late += has(flags::LATE_SAMPLE);
+        self.isolated += u64::from(record.certainly_faulty != 0);
+    }
+}
+
+/// Sends the samples of turn `k`, good ones and every kind of bad and missing one.
+fn send(drivers: &mut Drivers, aircraft: &mut Aircraft, k: u64, stamp_ns: u64) {
+    let measurement = aircraft.measure();
+    let command = aircraft.command();
+    aircraft.advance();
+    let sequence = |number| SampleHeader {
+        sequence: number,
+        timestamp_ns: stamp_ns,
+    };
+    match k % 60 {
+        10 => drivers.sensors.send(stamp_ns, &measurement).unwrap(), // no command
+        11 => drivers.commands.send(stamp_ns, &command).unwrap(),    // no measurement
+        12 | 13 => {
+            drivers.sensors.skip();
+            drivers.commands.skip();
+        }
+        20 => drivers.sensors.send(stamp_ns, &[f64::NAN; 4]).unwrap(),
+        21 => drivers.sensors.send(stamp_ns, &measurement[..3]).unwrap(),
+        22 => drivers
+            .sensors
+            .send(stamp_ns + 60_000_000_000, &measurement)
+            .unwrap(),
+        23 => drivers
+            .sensors
+            .send(stamp_ns - 20 * PERIOD_NS, &measurement)
+            .unwrap(),
+        30 => {
+            // The sample of the instant before comes now: late.
+            drivers.sensors.send(stamp_ns - PERIOD_NS, &measurement).unwrap();
+        }
+        29 => {}
+        40 => {
+            drivers.sensors.send(stamp_ns, &measurement).unwrap();
+            drivers
+                .sensors
+                .send_with_header(sequence(0), &measurement)
+                .unwrap(); // duplicate
+            drivers.commands.send(stamp_ns, &command).unwrap();
+        }
+        _ => {
+            drivers.sensors.send(stamp_ns, &measurement).unwrap();
+            drivers.commands.send(stamp_ns, &command).unwrap();
+        }
+    }
+}
+
+#[test]
+fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_and_resets_allocate_nothing() {
+    let mut stage = Stage::new();
+    stage.set_diagnoser("margin_s", 0.0);
+    let loaded = Configuration::from_text("test", &stage.configuration.to_string()).unwrap();
+    let diagnosers = loaded.build_diagnosers().unwrap();
+    let node = transport::open_node(&stage.instance).unwrap();
+    let (sender, mut receiver) = rtrb::RingBuffer::new(loaded.configuration.daemon.record_queue);
+    let stop = AtomicBool::new(false);
+    let mut steps = step_loop(&loaded.configuration, diagnosers, SPEED, &node, sender, &stop).unwrap();
+    let mut drivers = Drivers::open(&stage.instance);
+    let spec = stage.table().directory().spec.clone();
+    let time: DaemonTime = spec.time;
+
+    let mut aircraft = Aircraft::new(1, Disturbance::Sine, 1);
+    let mut seen = Seen::default();
+    let mut counted = 0;
+    for k in 0..TURNS {
+        if k % COURSE == 0 {
+            aircraft = Aircraft::new(1 + (k / COURSE % 2) as u8, Disturbance::Vertex, k);
+        }
+        let instant_ns = spec.schedule_epoch_ns + k * PERIOD_NS;
+        sleep_until_monotonic(time.to_monotonic(instant_ns));
+        send(&mut drivers, &mut aircraft, k, instant_ns);
+        let of_this_turn = allocations(|| steps.turn());
+        if k >= WARM_UP {
+            counted += of_this_turn;
+        }
+        while let Ok(message) = receiver.pop() {
+            if let Message::Record(_, record) = message {
+                seen.take(&record);
+            }
+        }
+    }
+    println!("{seen:?}");
+    println!("{:?}", stage.input_counters(0));
+    assert_eq!(counted, 0, "allocations in {} turns", TURNS - WARM_UP);
+
+    assert!(
+        seen.records >= TURNS / 2 && seen.alarms > 20 && seen.resets > 5,
+        "{seen:?}"
+    );
+    assert!(
+        seen.missing > 100 && seen.late > 10 && seen.isolated > 100,
+        "{seen:?}"
+    );
+    let sensors = stage.input_counters(0);
+    for (name, value) in [
+        ("non_finite", sensors.non_finite),
+        ("wrong_length", sensors.wrong_length),
+        ("too_far_ahead", sensors.too_far_ahead),
+        ("backward", sensors.backward),
+        ("duplicate", sensors.duplicate),
+        ("lost", sensors.lost),
+    ] {
+        assert!(value >= 30, "{name}: {sensors:?}");
+    }
+}
+
+#[test]
+fn the_counter_counts() {
+    assert_eq!(allocations(|| drop(std::hint::black_box(vec![1_u8; 100]))), 2);
+}

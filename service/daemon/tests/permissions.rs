@@ -1,0 +1,120 @@
+//! Who may read what the daemon writes: `group` and `mode` of the configuration, seen by other users' processes.
+//!
+//! Needs root, to act as other users; otherwise the tests say that they were skipped.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod support;
+
+use std::fs::{self, OpenOptions, Permissions};
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
+use std::os::unix::process::CommandExt;
+
+use residual_client::{Monitor, StepRecord};
+use support::daemon::Daemon;
+use support::helper::{Helper, instance};
+use support::{DIAGNOSER, Stage, is_root};
+
+/// Ids that no account needs to have.
+const GROUP: u32 = 61_001;
+const USER: u32 = 61_002;
+const OTHER_GROUP: u32 = 61_003;
+
+/// The body of a client process: writes what it could do with the table.
+#[test]
+#[ignore = "the body of a helper process"]
+fn client_process() {
+    let Some(instance) = instance() else { return };
+    match Monitor::open(&instance) {
+        Ok(mut monitor) => {
+            let reading = monitor.read(DIAGNOSER, &mut StepRecord::new(0)).unwrap();
+            println!("read {}", reading.freshness.name());
+        }
+        Err(error) => println!("refused {error}"),
+    }
+    let writable = OpenOptions::new().write(true).open(instance.bounds_path());
+    println!("writable {}", writable.is_ok());
+}
+
+/// What a client of another user and group finds.
+fn as_stranger(stage: &Stage, group: u32) -> String {
+    let mut command = Helper::command(stage, "client_process");
+    command.uid(USER).gid(group);
+    let lines = Helper::start_command(stage, "client_process", &mut command).finish();
+    let said = |line: &&String| {
+        ["read ", "refused ", "writable "]
+            .iter()
+            .any(|word| line.contains(word))
+    };
+    lines.iter().filter(said).cloned().collect::<Vec<_>>().join("\n")
+}
+
+/// A stage whose directory everybody may search.
+fn open_stage() -> Stage {
+    let stage = Stage::new();
+    fs::set_permissions(stage.directory.path(), Permissions::from_mode(0o755)).unwrap();
+    stage
+}
+
+#[test]
+fn the_configured_group_reads_and_nobody_else_does() {
+    if !is_root() {
+        return;
+    }
+    let mut stage = open_stage();
+    stage.set("daemon", "group", i64::from(GROUP));
+    let daemon = Daemon::start(&stage);
+    let metadata = fs::metadata(stage.instance.bounds_path()).unwrap();
+    assert_eq!((metadata.gid(), metadata.mode() & 0o7777), (GROUP, 0o640));
+
+    let member = as_stranger(&stage, GROUP);
+    assert!(
+        member.contains("read starting") && member.contains("writable false"),
+        "{member}"
+    );
+    let outsider = as_stranger(&stage, OTHER_GROUP);
+    assert!(
+        outsider.contains("refused") && outsider.contains(&format!("gid {GROUP}")),
+        "{outsider}"
+    );
+    assert!(outsider.contains("writable false"), "{outsider}");
+    daemon.stop();
+}
+
+#[test]
+fn the_configured_mode_opens_the_table_to_everybody_and_to_no_writer() {
+    if !is_root() {
+        return;
+    }
+    let mut stage = open_stage();
+    stage.set("daemon", "mode", "0644");
+    let daemon = Daemon::start(&stage);
+    let stranger = as_stranger(&stage, OTHER_GROUP);
+    assert!(
+        stranger.contains("read starting") && stranger.contains("writable false"),
+        "{stranger}"
+    );
+    daemon.stop();
+}
+
+#[test]
+fn nothing_but_the_table_is_open_to_others() {
+    if !is_root() {
+        return;
+    }
+    let mut stage = open_stage();
+    stage.set("daemon", "mode", "0644");
+    let daemon = Daemon::start(&stage);
+    let mode = |path: &std::path::Path| fs::metadata(path).unwrap().mode() & 0o7777;
+    assert_eq!(mode(&stage.instance.iceoryx_root()), 0o700);
+    assert_eq!(
+        mode(&stage.instance.lock_path()) & 0o022,
+        0,
+        "nobody else may write"
+    );
+    let shared_memory = stage.shared_memory_files();
+    assert!(!shared_memory.is_empty());
+    for path in shared_memory {
+        assert_eq!(mode(&path) & 0o007, 0, "{}", path.display());
+    }
+    daemon.stop();
+}
