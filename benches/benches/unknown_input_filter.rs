@@ -8,8 +8,11 @@ use residuald::demo::plant::{Aircraft, Disturbance};
 
 const CONFIGURATION: &str = include_str!("../../deploy/config/vtol.toml");
 
+/// A change of the configuration's text.
+type Edit = fn(String) -> String;
+
 /// The bank of the example configuration after `edit` of its text.
-fn bank(edit: impl Fn(String) -> String) -> Box<dyn Diagnoser> {
+fn bank(edit: Edit) -> Box<dyn Diagnoser> {
     let loaded = Configuration::from_text("vtol.toml", &edit(CONFIGURATION.into()));
     let built = loaded.and_then(|loaded| loaded.build_diagnosers());
     built.expect("a good configuration").remove(0).diagnoser
@@ -24,7 +27,7 @@ fn step(criterion: &mut Criterion) {
             sample
         })
         .collect();
-    let forms: [(&str, fn(String) -> String); 3] = [
+    let forms: [(&str, Edit); 3] = [
         ("row-wise gain", |text| text),
         ("fixed gain", |text| text.replace("gain = \"row_wise\"", "gain = \"fixed\"")),
         ("Frobenius gain, 30 generators", |text| text.replace("gain = \"row_wise\"", "gain = \"frobenius\"")),

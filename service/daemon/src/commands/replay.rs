@@ -1,6 +1,6 @@
 //! `residuald replay`: a recording instead of sensors.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -95,8 +95,8 @@ pub struct Replay {
 impl Replay {
     /// Loads both files; keeps the selected runs and writes the faults into them.
     pub fn load(
-        configuration: &PathBuf,
-        recording: &PathBuf,
+        configuration: &Path,
+        recording: &Path,
         runs: &RunSelection,
         faults: &[Fault],
     ) -> Result<Self, ReplayError> {
@@ -105,7 +105,7 @@ impl Replay {
             .configuration
             .replay
             .as_ref()
-            .ok_or_else(|| ReplayError::NoReplaySection(configuration.clone()))?;
+            .ok_or_else(|| ReplayError::NoReplaySection(configuration.to_path_buf()))?;
         let mut recording = Recording::read(recording, &replay.time_column, replay.run_column.as_deref())?;
         let names = recording
             .runs
