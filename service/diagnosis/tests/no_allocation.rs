@@ -61,8 +61,8 @@ fn exercise(bank: &mut UnknownInputFilterBank, model: &ModelOptions) -> (Vec<Ver
     let before = ALLOCATIONS.get();
     for round in 0..2 {
         for k in 0..400_usize {
-            for j in 0..ny {
-                y[j] = (0..nx).map(|i| model.c[j][i] * x[i]).sum();
+            for (value, row) in y.iter_mut().zip(&model.c) {
+                *value = row.iter().zip(&x).map(|(c, x)| c * x).sum();
             }
             record.flags = 0;
             match k % 50 {
@@ -90,14 +90,14 @@ fn exercise(bank: &mut UnknownInputFilterBank, model: &ModelOptions) -> (Vec<Ver
             }
             verdicts[record.verdict as usize] = true;
             seen_flags |= record.flags;
-            for i in 0..nx {
+            for (i, value) in next.iter_mut().enumerate() {
                 let fault = if (100..130).contains(&k) {
                     3.0 * model.b[i][0]
                 } else {
                     0.0
                 };
                 let rest: f64 = (0..nx).map(|l| model.a[i][l] * x[l]).sum();
-                next[i] = rest + fault + (0..nu).map(|l| model.b[i][l] * u[l]).sum::<f64>();
+                *value = rest + fault + (0..nu).map(|l| model.b[i][l] * u[l]).sum::<f64>();
             }
             x.copy_from_slice(&next);
         }
