@@ -3,6 +3,9 @@
 //! No input or output, no clock, no panic, and no allocation after construction. A method is constructed once
 //! from a model and its options and then [stepped](diagnoser::Diagnoser::step) at every sampling instant.
 
+// `!(|r| <= h)` is the alarm rule: unlike `|r| > h` it is never silent for a value that is not a number.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+
 pub mod diagnoser;
 pub mod discretise;
 pub mod factor;

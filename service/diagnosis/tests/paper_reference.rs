@@ -271,11 +271,11 @@ fn a_changed_disturbance_moves_the_baseline_but_not_the_zonotopes() {
     let (mut widths, mut count) = (vec![0.0; 8], 0);
     for (k, y) in y.iter().enumerate() {
         let record = step(&mut baseline, y, &[0.0, 0.0]);
-        for mode in 0..2 {
+        for (mode, norms) in norms.iter_mut().enumerate() {
             let norm = channel(&baseline, &record, &format!("mode_{mode}_norm")).residual;
             match k {
-                21..200 => norms[mode][0] += norm / 179.0,
-                205.. => norms[mode][1] += norm / 196.0,
+                21..200 => norms[0] += norm / 179.0,
+                205.. => norms[1] += norm / 196.0,
                 _ => {}
             }
         }

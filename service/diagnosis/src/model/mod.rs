@@ -45,10 +45,8 @@ impl Bounds {
     pub fn radius(&self) -> DVector<f64> {
         let center = self.center();
         DVector::from_fn(center.len(), |i, _| {
-            (self.upper[i] - center[i])
-                .max(center[i] - self.lower[i])
-                .next_up()
-                .max(0.0)
+            let radius = (self.upper[i] - center[i]).max(center[i] - self.lower[i]);
+            if radius > 0.0 { radius.next_up() } else { 0.0 }
         })
     }
 }

@@ -467,3 +467,24 @@ fn fact_16_the_memoryless_form_is_the_filter_from_the_second_step_on() {
     row_sums(&rig.state.generators, &mut radius);
     assert_near(&radius, &[0.01, 0.01, 0.01, 0.03], 1e-12);
 }
+
+#[test]
+fn the_alarm_rule_is_that_of_the_reference() {
+    let cases = parse(UNIT)["alarm"]["cases"].as_array().unwrap().clone();
+    assert_eq!(cases.len(), 6);
+    for case in cases {
+        let [lower, upper] = ["lo", "up"].map(|bound| case[bound].as_f64().unwrap());
+        let row = super::outcome::TestRow {
+            residual: -(lower + upper) / 2.0,
+            half_width: (upper - lower) / 2.0,
+            evaluated: true,
+        };
+        assert_eq!(row.alarm(), case["alarm"].as_bool().unwrap(), "{case}");
+    }
+    let undefined = super::outcome::TestRow {
+        residual: f64::NAN,
+        half_width: 1.0,
+        evaluated: true,
+    };
+    assert!(undefined.alarm());
+}

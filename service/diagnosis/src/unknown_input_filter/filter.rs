@@ -224,7 +224,7 @@ impl CoupledFilter {
             for k in 0..rank {
                 work.choice.estimate_row(decoupling, k, row);
                 let own = decoupling.pivot[k];
-                outcome.estimates[own] = Some(context.estimate(row, own, &mut work.scratch));
+                outcome.estimates[own] = context.estimate(row, own, &mut work.scratch);
             }
         }
     }

@@ -177,10 +177,7 @@ impl FixedFilter {
                 if let Some(outward) = outward {
                     half_width = outward.estimate_radius(half_width, &row.weights, own, residual);
                 }
-                outcome.estimates[own] = Some(FaultEstimate {
-                    centre: residual,
-                    radius: half_width,
-                });
+                outcome.estimates[own] = FaultEstimate::finite(residual, half_width);
                 continue;
             }
             if let Some(outward) = outward {

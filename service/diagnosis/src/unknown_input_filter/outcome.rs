@@ -34,6 +34,13 @@ pub(crate) struct FaultEstimate {
     pub radius: f64,
 }
 
+impl FaultEstimate {
+    /// An estimate of finite numbers, else none.
+    pub fn finite(centre: f64, radius: f64) -> Option<Self> {
+        (centre.is_finite() && radius.is_finite()).then_some(Self { centre, radius })
+    }
+}
+
 /// All that one filter says at one instant.
 #[derive(Clone, Debug)]
 pub(crate) struct Outcome {
@@ -127,13 +134,13 @@ impl RowContext<'_> {
     }
 
     /// Estimate of the own fault `own` with the coefficients `row` of φ.
-    pub fn estimate(&self, row: &[f64], own: usize, scratch: &mut [f64]) -> FaultEstimate {
+    pub fn estimate(&self, row: &[f64], own: usize, scratch: &mut [f64]) -> Option<FaultEstimate> {
         let centre = dot(row, &self.prediction.innovation[..row.len()]);
         let mut radius = self.spread(row, scratch);
         if let Some(outward) = &self.outward {
             radius = outward.estimate_radius(radius, row, own, centre);
         }
-        FaultEstimate { centre, radius }
+        FaultEstimate::finite(centre, radius)
     }
 
     /// w C B_j for every actuator j.

@@ -108,7 +108,8 @@ impl Plant {
     /// Columns that a generator matrix can have at any time of a step, for generator order s and nf own faults.
     pub fn column_capacity(&self, generator_order: usize, own_faults: usize) -> usize {
         let nd = self.disturbance_generators.as_ref().map_or(0, Matrix::columns);
-        generator_order + 3 * self.nx() + nd + 2 * self.ny() + own_faults + self.nu()
+        let carried = generator_order.max(self.ny() + self.nx());
+        carried + 3 * self.nx() + nd + 2 * self.ny() + own_faults + self.nu()
     }
 }
 

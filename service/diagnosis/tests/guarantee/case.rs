@@ -1,7 +1,9 @@
 //! What varies from case to case: the kinds of plant, signal, loss and filter. All numbers follow from the seed.
 
 use proptest::prelude::*;
-use residual_diagnosis::unknown_input_filter::options::{GainRule, Initialisation, MissingPolicy, ResetRule};
+use residual_diagnosis::unknown_input_filter::options::{
+    GainRule, Initialisation, MissingPolicy, ResetRule, TestRule,
+};
 
 /// Shape of noise and disturbance within their bounds.
 #[derive(Clone, Copy, Debug)]
@@ -43,6 +45,9 @@ pub enum Loss {
 #[derive(Clone, Debug)]
 pub struct Case {
     pub seed: u64,
+    /// The form as printed in the paper instead of the coupled one.
+    pub paper: bool,
+    pub test: TestRule,
     pub states: usize,
     pub outputs: usize,
     pub actuators: usize,
@@ -96,6 +101,10 @@ pub fn cases() -> impl Strategy<Value = Case> {
         ],
         any::<bool>(),
     );
+    let form = (
+        prop::bool::weighted(0.2),
+        prop_oneof![Just(TestRule::Tight), Just(TestRule::Printed)],
+    );
     let filter = (
         prop_oneof![
             Just(GainRule::RowWise),
@@ -123,7 +132,9 @@ pub fn cases() -> impl Strategy<Value = Case> {
         any::<bool>(),
         any::<bool>(),
     );
-    (plant, signals, filter, bank).prop_map(|(plant, signals, filter, bank)| Case {
+    (plant, signals, form, filter, bank).prop_map(|(plant, signals, (paper, test), filter, bank)| Case {
+        paper,
+        test: if paper { test } else { TestRule::Tight },
         seed: plant.0,
         states: plant.1,
         outputs: plant.2,
@@ -134,16 +145,16 @@ pub fn cases() -> impl Strategy<Value = Case> {
         command: signals.2,
         loss: signals.3,
         two_faults: signals.4,
-        gain: filter.0,
-        sweeps: filter.1,
+        gain: if paper { GainRule::RowWise } else { filter.0 },
+        sweeps: if paper { 0 } else { filter.1 },
         extra_order: filter.2,
         policy: filter.3,
         initialisation: filter.4,
-        outward_rounding: filter.5,
+        outward_rounding: filter.5 && !paper,
         reset: bank.0,
         clear_samples: bank.1,
         pairs: bank.2,
-        parity: bank.3,
+        parity: bank.3 && !paper,
         input_box: bank.4,
         state_box: bank.5,
     })

@@ -2,11 +2,14 @@
 //! in the reported hull, the fault in its estimate, whatever noise, uncertainty, commands, own faults and losses
 //! do within their bounds.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+// `!(a <= b)` also holds for a value that is not a number.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 mod case;
 mod certificate;
 mod check;
 mod plant;
+mod relations;
 
 use check::Counts;
 use proptest::test_runner::{Config, RngSeed, TestCaseError, TestError, TestRunner};
@@ -37,7 +40,7 @@ fn check_guarantee(cases: u32, seed: u64) -> Counts {
 
 #[test]
 fn no_true_mode_alarms_and_truth_stays_inside_on_random_plants() {
-    let counts = check_guarantee(1_000, 1);
+    let counts = check_guarantee(600, 1);
     println!("{counts:?}");
     assert!(counts.tested_steps >= 100_000, "{counts:?}");
     assert!(

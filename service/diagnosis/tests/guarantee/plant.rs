@@ -73,7 +73,7 @@ impl Source {
                 Noise::Uniform => self.uniform(-1.0, 1.0),
                 Noise::Vertex => self.sign(),
                 Noise::Constant => constant[i],
-                Noise::Square => constant[i] * if (k / 7) % 2 == 0 { 1.0 } else { -1.0 },
+                Noise::Square => constant[i] * if (k / 7).is_multiple_of(2) { 1.0 } else { -1.0 },
             };
             bound[i] * unit * share
         })
@@ -202,7 +202,7 @@ fn faults(case: &Case, source: &mut Source) -> Vec<DVector<f64>> {
                     0 => size,
                     1 => size * source.uniform(-1.0, 1.0),
                     2 => size * (k - first) as f64 / INSTANTS as f64,
-                    _ => size * if (k / 9) % 2 == 0 { 1.0 } else { 0.0 },
+                    _ => size * if (k / 9).is_multiple_of(2) { 1.0 } else { 0.0 },
                 };
             }
         }
@@ -245,7 +245,7 @@ fn run(case: &Case, model: &ModelOptions, source: &mut Source) -> (Signals, Vec<
         let y = &c * &x[k] + source.within(&v, case.noise, &steady_v, k);
         let u = match case.command {
             Command::Constant => level.clone(),
-            Command::Switching => &level * if (k / 11) % 2 == 0 { 1.0 } else { -1.0 },
+            Command::Switching => &level * if (k / 11).is_multiple_of(2) { 1.0 } else { -1.0 },
             Command::Feedback => (-&feedback * &y).map(|u| u.clamp(-50.0, 50.0)),
         };
         let error = a_plus.map_with_location(|i, j, bound| {
