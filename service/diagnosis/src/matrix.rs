@@ -221,17 +221,28 @@ pub fn absolute_dot(x: &[f64], y: &[f64]) -> f64 {
     sum_of(x, y, |a, b| a.abs() * b)
 }
 
+/// Sum of `c[k]` times row `first + k` of `source`, combined with what is in `out` by `join`.
+#[inline(always)]
+fn join_four(out: &mut [f64], c: &[f64], source: &Matrix, first: usize, join: impl Fn(f64, f64) -> f64) {
+    let width = out.len();
+    let (r0, r1) = (&source.row(first)[..width], &source.row(first + 1)[..width]);
+    let (r2, r3) = (&source.row(first + 2)[..width], &source.row(first + 3)[..width]);
+    let (c0, c1, c2, c3) = (c[0], c[1], c[2], c[3]);
+    for i in 0..width {
+        out[i] = join(out[i], (c0 * r0[i] + c1 * r1[i]) + (c2 * r2[i] + c3 * r3[i]));
+    }
+}
+
 /// `out` += sum over k of `coefficients`\[k\] times row k of `source`.
 #[inline]
 pub fn add_combination(out: &mut [f64], coefficients: &[f64], source: &Matrix) {
-    let width = out.len();
-    let mut k = 0;
+    add_from(out, coefficients, source, 0);
+}
+
+fn add_from(out: &mut [f64], coefficients: &[f64], source: &Matrix, first: usize) {
+    let mut k = first;
     while k + 4 <= coefficients.len() {
-        let [c0, c1, c2, c3] = [0, 1, 2, 3].map(|i| coefficients[k + i]);
-        let [r0, r1, r2, r3] = [0, 1, 2, 3].map(|i| &source.row(k + i)[..width]);
-        for c in 0..width {
-            out[c] += (c0 * r0[c] + c1 * r1[c]) + (c2 * r2[c] + c3 * r3[c]);
-        }
+        join_four(out, &coefficients[k..k + 4], source, k, |sum, term| sum + term);
         k += 4;
     }
     for (k, factor) in coefficients.iter().enumerate().skip(k) {
@@ -244,8 +255,19 @@ pub fn add_combination(out: &mut [f64], coefficients: &[f64], source: &Matrix) {
 /// `out` = sum over k of `coefficients`\[k\] times row k of `source`.
 #[inline]
 pub fn combination(out: &mut [f64], coefficients: &[f64], source: &Matrix) {
-    out.fill(0.0);
-    add_combination(out, coefficients, source);
+    match coefficients {
+        [] => out.fill(0.0),
+        [first] | [first, _] | [first, _, _] => {
+            for (target, value) in out.iter_mut().zip(source.row(0)) {
+                *target = first * value;
+            }
+            add_from(out, coefficients, source, 1);
+        }
+        _ => {
+            join_four(out, &coefficients[..4], source, 0, |_, term| term);
+            add_from(out, coefficients, source, 4);
+        }
+    }
 }
 
 /// `out` = `left` `right`; `out` takes the shape of the product.
