@@ -22,8 +22,11 @@ pub struct Reducer {
     reduction: Reduction,
     scores: Vec<f64>,
     largest: Vec<f64>,
-    order: Vec<u32>,
-    kept: Vec<bool>,
+    /// Score and index of every column as one number each: ascending is score descending, index ascending.
+    keys: Vec<u128>,
+    is_kept: Vec<bool>,
+    kept: Vec<usize>,
+    boxed: Vec<usize>,
     radius: Vec<f64>,
 }
 
@@ -34,8 +37,10 @@ impl Reducer {
             reduction,
             scores: vec![0.0; columns],
             largest: vec![0.0; columns],
-            order: Vec::with_capacity(columns),
-            kept: vec![false; columns],
+            keys: Vec::with_capacity(columns),
+            is_kept: vec![false; columns],
+            kept: vec![0; columns],
+            boxed: vec![0; columns],
             radius: vec![0.0; rows],
         }
     }
@@ -52,34 +57,45 @@ impl Reducer {
         }
         self.score(matrix);
         let kept_count = order - rows;
-        self.order.clear();
-        self.order.extend(0..columns as u32);
-        let scores = &self.scores;
-        self.order.select_nth_unstable_by(kept_count, |&left, &right| {
-            scores[right as usize]
-                .total_cmp(&scores[left as usize])
-                .then(left.cmp(&right))
-        });
-        self.kept[..columns].fill(false);
-        for &column in &self.order[..kept_count] {
-            self.kept[column as usize] = true;
-        }
+        self.select(columns, kept_count);
         for i in 0..rows {
             let row = matrix.row_mut(i);
-            let (mut target, mut boxed) = (0, 0.0);
-            for column in 0..columns {
-                if self.kept[column] {
-                    row[target] = row[column];
-                    target += 1;
-                } else {
-                    boxed += row[column].abs();
-                }
+            let radius: f64 = self.boxed[..columns - kept_count]
+                .iter()
+                .map(|&column| row[column].abs())
+                .sum();
+            for (target, &column) in self.kept[..kept_count].iter().enumerate() {
+                row[target] = row[column];
             }
             row[kept_count..order].fill(0.0);
-            row[kept_count + i] = boxed;
+            row[kept_count + i] = radius;
         }
         matrix.reshape(rows, order);
         true
+    }
+
+    /// Splits the columns into the `count` of largest score and the others, both ascending.
+    fn select(&mut self, columns: usize, count: usize) {
+        self.keys.clear();
+        let scores = self.scores[..columns].iter();
+        // Scores are sums of magnitudes, never negative, so that their bits are ordered as their values.
+        self.keys.extend(
+            scores
+                .enumerate()
+                .map(|(column, score)| u128::from(!score.to_bits()) << 32 | column as u128),
+        );
+        self.keys.select_nth_unstable(count);
+        self.is_kept[..columns].fill(false);
+        for key in &self.keys[..count] {
+            self.is_kept[(*key & u128::from(u32::MAX)) as usize] = true;
+        }
+        let (mut kept, mut boxed) = (0, 0);
+        for (column, &keep) in self.is_kept[..columns].iter().enumerate() {
+            self.kept[kept] = column;
+            self.boxed[boxed] = column;
+            kept += usize::from(keep);
+            boxed += usize::from(!keep);
+        }
     }
 
     fn score(&mut self, matrix: &Matrix) {

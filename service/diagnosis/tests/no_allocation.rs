@@ -61,8 +61,8 @@ fn exercise(bank: &mut UnknownInputFilterBank, model: &ModelOptions) -> (Vec<Ver
     let before = ALLOCATIONS.get();
     for round in 0..2 {
         for k in 0..400_usize {
-            for (j, value) in y.iter_mut().enumerate() {
-                *value = (0..nx).map(|i| model.c[j][i] * x[i]).sum();
+            for (value, row) in y.iter_mut().zip(&model.c) {
+                *value = row.iter().zip(&x).map(|(c, x)| c * x).sum();
             }
             record.flags = 0;
             match k % 50 {

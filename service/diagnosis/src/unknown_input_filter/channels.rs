@@ -131,7 +131,7 @@ impl ChannelLayout {
                 }
                 Publish::Worst => {
                     put(rows.fold(Channel::NOT_EVALUATED, |worst, row| {
-                        if row.is_evaluated() && !(row.ratio <= worst.ratio) {
+                        if row.ratio > worst.ratio || !worst.is_evaluated() {
                             row
                         } else {
                             worst

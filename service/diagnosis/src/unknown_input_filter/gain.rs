@@ -115,12 +115,13 @@ impl GainChoice {
         gain.copy_from(&decoupling.gain);
         for i in 0..nx {
             let rest = self.rest.row_mut(i);
-            rest.fill(0.0);
-            add_combination(rest, decoupling.columns.row(i), &self.own);
-            rest.iter_mut().for_each(|value| *value = -*value);
-            for (target, value) in rest.iter_mut().zip(generators.row(i)) {
-                *target += value;
+            rest[..q].copy_from_slice(generators.row(i));
+            rest[q..].fill(0.0);
+            let own = &mut self.candidate[..decoupling.rank()];
+            for (target, value) in own.iter_mut().zip(decoupling.columns.row(i)) {
+                *target = -value;
             }
+            add_combination(rest, own, &self.own);
             for (target, row) in self.candidate[..z].iter_mut().zip(self.basis.iter_rows()) {
                 *target = dot(self.rest.row(i), row);
             }

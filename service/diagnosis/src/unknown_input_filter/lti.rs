@@ -53,7 +53,7 @@ pub fn steady_half_widths(
     let mut power = parts.generators.clone();
     let mut contraction = parts.transition.clone();
     let mut block = 1;
-    while !(infinity_norm(&contraction) < 1.0) {
+    while infinity_norm(&contraction) >= 1.0 {
         contraction *= &parts.transition;
         block += 1;
         if block > MAX_POWER || !contraction.iter().all(|value| value.is_finite()) {

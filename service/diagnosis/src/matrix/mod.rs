@@ -4,6 +4,13 @@
 //! buffers of the caller and run over whole rows, so that the compiler can vectorise them; their order of
 //! summation is fixed, so that equal inputs give equal bits.
 
+mod kernels;
+
+pub use kernels::{
+    absolute_dot, absolute_sum, add_combination, all_finite, apply, combination, dot, multiply,
+    multiply_transposed, row_sums,
+};
+
 use std::ops::{Index, IndexMut};
 
 use nalgebra::DMatrix;
@@ -180,163 +187,19 @@ impl IndexMut<(usize, usize)> for Matrix {
     }
 }
 
-/// Independent partial sums of [`sum_of`]: two vector registers of four numbers.
-const LANES: usize = 8;
-
-/// Sum of `term(x_i, y_i)` in a fixed order with independent partial sums.
-#[inline]
-fn sum_of(x: &[f64], y: &[f64], term: impl Fn(f64, f64) -> f64) -> f64 {
-    let mut partial = [0.0; LANES];
-    let (x_blocks, y_blocks) = (x.chunks_exact(LANES), y.chunks_exact(LANES));
-    let tail: f64 = x_blocks
-        .remainder()
-        .iter()
-        .zip(y_blocks.remainder())
-        .map(|(a, b)| term(*a, *b))
-        .sum();
-    for (a, b) in x_blocks.zip(y_blocks) {
-        for lane in 0..LANES {
-            partial[lane] += term(a[lane], b[lane]);
-        }
-    }
-    let [a, b, c, d, e, f, g, h] = partial;
-    ((a + e) + (b + f)) + ((c + g) + (d + h)) + tail
-}
-
-/// Inner product of two slices of one length.
-#[inline]
-pub fn dot(x: &[f64], y: &[f64]) -> f64 {
-    sum_of(x, y, |a, b| a * b)
-}
-
-/// Sum of |x_i|.
-#[inline]
-pub fn absolute_sum(x: &[f64]) -> f64 {
-    sum_of(x, x, |a, _| a.abs())
-}
-
-/// Sum of |x_i| y_i.
-#[inline]
-pub fn absolute_dot(x: &[f64], y: &[f64]) -> f64 {
-    sum_of(x, y, |a, b| a.abs() * b)
-}
-
-/// `out` += sum over k of `coefficients`\[k\] times row k of `source`.
-#[inline]
-pub fn add_combination(out: &mut [f64], coefficients: &[f64], source: &Matrix) {
-    let width = out.len();
-    let mut k = 0;
-    while k + 4 <= coefficients.len() {
-        let [c0, c1, c2, c3] = [0, 1, 2, 3].map(|i| coefficients[k + i]);
-        let [r0, r1, r2, r3] = [0, 1, 2, 3].map(|i| &source.row(k + i)[..width]);
-        for c in 0..width {
-            out[c] += (c0 * r0[c] + c1 * r1[c]) + (c2 * r2[c] + c3 * r3[c]);
-        }
-        k += 4;
-    }
-    for (k, factor) in coefficients.iter().enumerate().skip(k) {
-        for (target, value) in out.iter_mut().zip(source.row(k)) {
-            *target += factor * value;
-        }
-    }
-}
-
-/// `out` = sum over k of `coefficients`\[k\] times row k of `source`.
-#[inline]
-pub fn combination(out: &mut [f64], coefficients: &[f64], source: &Matrix) {
-    out.fill(0.0);
-    add_combination(out, coefficients, source);
-}
-
-/// `out` = `left` `right`; `out` takes the shape of the product.
-pub fn multiply(left: &Matrix, right: &Matrix, out: &mut Matrix) {
-    out.reshape(left.rows, right.columns);
-    for i in 0..left.rows {
-        combination(out.row_mut(i), left.row(i), right);
-    }
-}
-
-/// `out` = `left` `right`'; `out` takes the shape of the product.
-pub fn multiply_transposed(left: &Matrix, right: &Matrix, out: &mut Matrix) {
-    out.reshape(left.rows, right.rows);
-    for i in 0..left.rows {
-        for j in 0..right.rows {
-            out[(i, j)] = dot(left.row(i), right.row(j));
-        }
-    }
-}
-
-/// `out` = `matrix` x.
-#[inline]
-pub fn apply(matrix: &Matrix, x: &[f64], out: &mut [f64]) {
-    for (target, row) in out.iter_mut().zip(matrix.iter_rows()) {
-        *target = dot(row, x);
-    }
-}
-
-/// `out` = |`matrix`| x.
-#[inline]
-pub fn apply_absolute(matrix: &Matrix, x: &[f64], out: &mut [f64]) {
-    for (target, row) in out.iter_mut().zip(matrix.iter_rows()) {
-        *target = absolute_dot(row, x);
-    }
-}
-
-/// `out` = row sums of |`matrix`|, the radius R of a generator matrix.
-pub fn row_sums(matrix: &Matrix, out: &mut [f64]) {
-    for (target, row) in out.iter_mut().zip(matrix.iter_rows()) {
-        *target = absolute_sum(row);
-    }
-}
-
-/// Whether every element is finite.
-pub fn all_finite(values: &[f64]) -> bool {
-    values.iter().all(|value| value.is_finite())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn example(rows: usize, columns: usize, seed: f64) -> Matrix {
-        let mut out = Matrix::zeros(rows, columns);
-        for i in 0..rows {
-            for j in 0..columns {
-                out[(i, j)] = (seed * (1 + i * columns + j) as f64).sin();
-            }
-        }
-        out
-    }
-
-    #[test]
-    fn the_kernels_agree_with_the_plain_formulas() {
-        for inner in 0..11 {
-            let (left, right) = (example(3, inner, 0.7), example(inner, 19, 1.3));
-            let mut product = Matrix::with_capacity(3, 19);
-            multiply(&left, &right, &mut product);
-            let expected = left.to_dense() * right.to_dense();
-            assert!((product.to_dense() - &expected).amax() < 1e-14);
-            let mut again = Matrix::with_capacity(3, 19);
-            multiply_transposed(&left, &right.transpose(), &mut again);
-            assert!((again.to_dense() - expected).amax() < 1e-14);
-        }
-    }
 
     #[test]
     fn a_reshaped_matrix_keeps_its_rows() {
         let mut matrix = Matrix::with_capacity(2, 5);
         matrix.append_diagonal(&[1.0, 2.0]);
-        matrix.append_scaled(&example(2, 3, 0.5), &[1.0, 2.0, 3.0]);
+        let mut source = Matrix::zeros(2, 3);
+        source[(1, 2)] = 0.5;
+        matrix.append_scaled(&source, &[1.0, 2.0, 3.0]);
         assert_eq!(matrix.shape(), (2, 5));
         assert_eq!(matrix.row(1)[..2], [0.0, 2.0]);
-        assert_eq!(matrix[(1, 4)], 3.0 * example(2, 3, 0.5)[(1, 2)]);
-    }
-
-    #[test]
-    fn absolute_sums_count_every_element_once() {
-        for length in 0..40 {
-            let values: Vec<f64> = (0..length).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 }).collect();
-            assert_eq!(absolute_sum(&values), length as f64);
-        }
+        assert_eq!(matrix[(1, 4)], 1.5);
     }
 }
