@@ -86,7 +86,7 @@ fn rows_parity_tests_and_sets_agree_until_the_first_alarm() {
     for scenario in file["scenarios"].as_array().unwrap() {
         let checkpoints = scenario["expected"]["checkpoints"].as_array().unwrap();
         let first_alarm = integers(&scenario["expected"]["alarms_time_mode"][0])[0];
-        let mut checked = 0;
+        let (mut checked, mut windows) = (0, 0);
         run(&mut battery_bank(&file, false), scenario, |bank, k, record| {
             let Some(expected) = checkpoints
                 .iter()
@@ -102,9 +102,16 @@ fn rows_parity_tests_and_sets_agree_until_the_first_alarm() {
                 let what = format!("mode {mode} at {k}");
                 assert_close(&what, &found.1, &numbers(&expected["half_width"][i]), TOLERANCE);
                 assert_close(&what, &found.0, &numbers(&expected["residual"][i]), TOLERANCE);
+                for parity in expected["parity"][i].as_array().unwrap() {
+                    windows += 1;
+                    let name = format!("mode_{mode}_parity_{}_10", parity["fault"]);
+                    let (residual, half_width) = residual_and_width(bank, &record, &name);
+                    let listed = ["residual", "half_width"].map(|field| parity[field].as_f64().unwrap());
+                    assert_close(&name, &[residual, half_width], &listed, TOLERANCE);
+                }
             }
         });
-        assert!(checked > 8);
+        assert!(checked > 8 && windows >= 12);
     }
 }
 

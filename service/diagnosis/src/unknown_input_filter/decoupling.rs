@@ -10,7 +10,10 @@
 //! | Z' | `null_basis` | orthonormal rows with Z' C_a F1 = 0, (m - r) x m |
 //! | W_P | `test_rows` | projector rows (I - CS) P, m x m |
 
-use super::plant::Measured;
+use super::{
+    modes::FaultMode,
+    plant::{Measured, Plant},
+};
 use crate::{
     factor::PivotedQr,
     matrix::{Matrix, absolute_dot, combination, dot, multiply},
@@ -164,6 +167,35 @@ impl Decoupling {
             *bound = absolute_dot(row, spread) * (1.0 + 1e-9);
         }
     }
+}
+
+/// F, the columns of B in the mode.
+pub(crate) fn fault_matrix(plant: &Plant, mode: FaultMode) -> Matrix {
+    Matrix::from(&mode.unknown_input_matrix(&plant.b.to_dense()))
+}
+
+/// The decoupling of a complete packet; the mode must have passed the checks of method sheet 3.1.
+pub(crate) fn complete_decoupling(
+    plant: &Plant,
+    fault_matrix: &Matrix,
+    shaping: Option<&Matrix>,
+) -> Decoupling {
+    let (nx, ny, own) = (plant.nx(), plant.ny(), fault_matrix.columns());
+    let mut measured = Measured::new(plant);
+    measured.receive(plant, &vec![0.0; ny]);
+    let mut product = Matrix::zeros(ny, own);
+    multiply(&plant.c, fault_matrix, &mut product);
+    let mut qr = PivotedQr::with_capacity(ny, own);
+    qr.factor(&product);
+    let mut out = Decoupling::with_capacity(nx, ny);
+    out.compute(
+        &qr,
+        fault_matrix,
+        Tolerances { gain: 0.0, test: 0.0 },
+        shaping,
+        &measured,
+    );
+    out
 }
 
 fn shaping_element(shaping: Option<&Matrix>, received: &[usize], i: usize, j: usize) -> f64 {

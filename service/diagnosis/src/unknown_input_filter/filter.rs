@@ -1,7 +1,7 @@
 //! One filter in the coupled form: the same measurement noise in prediction and correction (method sheet 4.2).
 
 use super::{
-    decoupling::{Decoupling, Tolerances},
+    decoupling::{Decoupling, complete_decoupling, fault_matrix},
     gain::Candidates,
     missing::gain_coordinates,
     modes::FaultMode,
@@ -13,10 +13,7 @@ use super::{
     strip_reset::Strip,
     workspace::Workspace,
 };
-use crate::{
-    factor::PivotedQr,
-    matrix::{Matrix, multiply, row_sums},
-};
+use crate::matrix::{Matrix, row_sums};
 
 /// Constants of one filter in the coupled form.
 #[derive(Clone, Debug)]
@@ -316,35 +313,6 @@ fn bound_own_faults(
         *value += prediction.innovation[j].abs() + measured.noise[j];
     }
     decoupling.own_fault_bound(&spread_radius[..m], own_fault);
-}
-
-/// F, the columns of B in the mode.
-pub(crate) fn fault_matrix(plant: &Plant, mode: FaultMode) -> Matrix {
-    Matrix::from(&mode.unknown_input_matrix(&plant.b.to_dense()))
-}
-
-/// The decoupling of a complete packet; the mode must have passed the checks of method sheet 3.1.
-pub(crate) fn complete_decoupling(
-    plant: &Plant,
-    fault_matrix: &Matrix,
-    shaping: Option<&Matrix>,
-) -> Decoupling {
-    let (nx, ny, own) = (plant.nx(), plant.ny(), fault_matrix.columns());
-    let mut measured = Measured::new(plant);
-    measured.receive(plant, &vec![0.0; ny]);
-    let mut product = Matrix::zeros(ny, own);
-    multiply(&plant.c, fault_matrix, &mut product);
-    let mut qr = PivotedQr::with_capacity(ny, own);
-    qr.factor(&product);
-    let mut out = Decoupling::with_capacity(nx, ny);
-    out.compute(
-        &qr,
-        fault_matrix,
-        Tolerances { gain: 0.0, test: 0.0 },
-        shaping,
-        &measured,
-    );
-    out
 }
 
 /// Guaranteed bound x̄ of |x| by the set (method sheet 4.4); infinite where there is none.

@@ -9,8 +9,7 @@
 //! | I - CN | `decoupling.test_rows` | ny x ny |
 
 use super::{
-    decoupling::Decoupling,
-    filter::{complete_decoupling, fault_matrix},
+    decoupling::{Decoupling, complete_decoupling, fault_matrix},
     modes::FaultMode,
     options::TestRule,
     outcome::{Outcome, RowContext, TestRow},

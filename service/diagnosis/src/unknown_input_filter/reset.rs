@@ -1,4 +1,9 @@
 //! How a filter finds back to a set that contains the state (method sheet 4.6).
+//!
+//! A falsified mode may take the set of the survivors, one of which is the truth. A mode that lost its set without
+//! being falsified may itself be the truth; then only a mode that allows all its faults and more has a set that
+//! contains the state. With the rule `none` no alarm leads to a reset and no episode ends; a lost set still
+//! restarts from the measurement or from the state box.
 
 use super::{
     bank::UnknownInputFilterBank, filter::state_bound, mode_filter::ModeFilter, options::ResetRule,
