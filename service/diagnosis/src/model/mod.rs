@@ -20,6 +20,7 @@ mod validate;
 pub use error::ModelError;
 pub use options::{Discretisation, ModelOptions, Time};
 
+use crate::decomposition::SingularDecomposition;
 use crate::discretise::{self, Dynamics};
 use nalgebra::{DMatrix, DVector};
 use residual_shared::record::MAX_FAULTS;
@@ -304,12 +305,7 @@ impl LinearModel {
         if self.output_count() < self.state_count() {
             return None;
         }
-        let svd = self.c.clone().svd(true, true);
-        let largest = svd.singular_values.max();
-        if svd.singular_values.min() <= 1e-9 * largest {
-            return None;
-        }
-        svd.pseudo_inverse(0.0).ok()
+        SingularDecomposition::new(&self.c).left_inverse(1e-9)
     }
 }
 

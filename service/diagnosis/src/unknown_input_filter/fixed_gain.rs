@@ -13,6 +13,7 @@ use super::{
     workspace::Workspace,
 };
 use crate::{
+    decomposition::eigenvalues,
     matrix::{Matrix, all_finite},
     model::LinearModel,
     zonotope::Reduction,
@@ -121,10 +122,7 @@ pub(crate) fn transition(plant: &Plant, gain: &Matrix) -> DMatrix<f64> {
 }
 
 fn is_stable(transition: &DMatrix<f64>) -> bool {
-    transition
-        .complex_eigenvalues()
-        .iter()
-        .all(|value| value.norm() < 1.0)
+    eigenvalues(transition).is_some_and(|all| all.iter().all(|value| value.norm() < 1.0))
 }
 
 /// L0 + (L - L0) P: the same gain with L C F = F to rounding.

@@ -224,8 +224,8 @@ impl UnknownInputFilterOptions {
         )?;
         let matrix = nalgebra::DMatrix::from_fn(nx, nx, |i, j| covariance[i][j]);
         let symmetric = matrix == matrix.transpose();
-        let tolerance = 1e-12 * matrix.amax();
-        if !symmetric || matrix.symmetric_eigenvalues().min() < -tolerance {
+        let shift = nalgebra::DMatrix::identity(nx, nx) * (1e-12 * matrix.amax() + f64::MIN_POSITIVE);
+        if !symmetric || (matrix + shift).cholesky().is_none() {
             return Err(OptionsError::NotACovariance);
         }
         Ok(())

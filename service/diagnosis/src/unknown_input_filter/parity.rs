@@ -12,8 +12,9 @@
 use super::certificate::{CertificateError, ParityCertificate};
 use super::modes::FaultMode;
 use super::parity_window::ParityWindow;
+use crate::decomposition::SingularDecomposition;
 use crate::model::LinearModel;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 /// The tables of one certificate: everything but the samples, computed once.
 #[derive(Clone, Debug)]
@@ -55,9 +56,12 @@ impl ParityTest {
 
         let (lambda, mu) = (certificate.lambda_columns(), certificate.mu_columns());
         let f = certificate.mode.unknown_input_matrix(model.b());
-        let f_inverse = left_inverse(&f).ok_or(CertificateError::DependentFaults {
-            mode: certificate.mode,
-        })?;
+        let f_inverse =
+            SingularDecomposition::new(&f)
+                .left_inverse(1e-12)
+                .ok_or(CertificateError::DependentFaults {
+                    mode: certificate.mode,
+                })?;
         let [a_abs, b_abs, c_abs, d_abs] = [model.a0(), model.b(), model.c(), model.d()].map(|m| m.abs());
         let zero = DVector::zeros(nx);
         let psi: Vec<DVector<f64>> = lambda
@@ -174,20 +178,6 @@ impl ParityTest {
             .sum();
         let half_width = self.constant + dot(&self.state_table, samples.state_bounds) + commands;
         (residual.is_finite() && half_width.is_finite()).then_some((residual, half_width))
-    }
-}
-
-/// F⁺ of a matrix of full column rank (nf x nx, 0 x nx for the fault-free mode), else `None`.
-fn left_inverse(f: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-    if f.ncols() == 0 {
-        return Some(f.transpose());
-    }
-    let svd = f.clone().svd(true, true);
-    let full_rank = f.ncols() <= f.nrows() && svd.singular_values.min() > 1e-12 * svd.singular_values.max();
-    if full_rank {
-        svd.pseudo_inverse(0.0).ok()
-    } else {
-        None
     }
 }
 

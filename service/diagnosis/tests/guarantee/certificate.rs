@@ -1,6 +1,6 @@
 //! Parity certificates by linear algebra: not the most sensitive ones, but true ones, for any plant.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, SVD};
 use residual_diagnosis::model::LinearModel;
 use residual_diagnosis::unknown_input_filter::{certificate::ParityCertificate, modes::FaultMode};
 
@@ -43,7 +43,13 @@ pub fn certificate(
     }
     // Zero rows make the matrix at least square, so that all right singular vectors come out.
     let rows = equalities.nrows().max(unknowns);
-    let svd = equalities.resize_vertically(rows, 0.0).svd(false, true);
+    let svd = SVD::try_new(
+        equalities.resize_vertically(rows, 0.0),
+        false,
+        true,
+        f64::EPSILON,
+        10_000,
+    )?;
     let limit = 1e-9 * svd.singular_values.max();
     let solutions = svd.v_t?.select_rows(
         &(0..unknowns)

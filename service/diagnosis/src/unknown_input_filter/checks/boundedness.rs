@@ -1,9 +1,10 @@
 //! Whether the set of a mode stays bounded (method sheet 3.1.5).
 
 use super::{CheckWarning, Decoupling, name, two_norm};
+use crate::decomposition::{SingularDecomposition, eigenvalues};
 use crate::model::LinearModel;
 use crate::unknown_input_filter::modes::FaultMode;
-use nalgebra::{Complex, DMatrix, Schur};
+use nalgebra::{Complex, DMatrix};
 
 /// A warning for each eigenvalue of A_T = (I - L0C)A0 that is not stable and that the test rows do not see.
 pub(super) fn unbounded_sets(
@@ -43,28 +44,24 @@ pub(super) fn unbounded_sets(
     warnings
 }
 
-/// σ_min of \[λI - A; M\] over the complex numbers.
+/// σ_min of \[λI - A; M\] over the complex numbers, from its real form \[Re, -Im; Im, Re\], which has every singular
+/// value twice.
 fn smallest_singular_value(a: &DMatrix<f64>, m: &DMatrix<f64>, eigenvalue: Complex<f64>) -> f64 {
-    let nx = a.nrows();
-    let stacked = DMatrix::from_fn(nx + m.nrows(), nx, |i, j| {
-        if i >= nx {
-            return Complex::from(m[(i - nx, j)]);
-        }
-        let diagonal = if i == j { eigenvalue } else { Complex::from(0.0) };
-        diagonal - a[(i, j)]
-    });
-    stacked.singular_values().min()
-}
-
-/// Eigenvalues; `None` if the iteration does not converge even after a change by rounding errors, which breaks
-/// the symmetries on which it can stall.
-fn eigenvalues(matrix: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
-    const ITERATIONS: usize = 10_000;
-    let schur = |matrix: DMatrix<f64>| Schur::try_new(matrix, f64::EPSILON, ITERATIONS);
-    let perturbed = || {
-        let size = f64::EPSILON * matrix.amax();
-        matrix.map_with_location(|i, j, entry| entry + size * ((7 * i + 3 * j + 1) as f64).sin())
-    };
-    let schur = schur(matrix.clone()).or_else(|| schur(perturbed()))?;
-    Some(schur.complex_eigenvalues().iter().copied().collect())
+    let (nx, rows) = (a.nrows(), a.nrows() + m.nrows());
+    let mut stacked = DMatrix::zeros(2 * rows, 2 * nx);
+    for part in 0..2 {
+        stacked
+            .view_mut((part * rows, part * nx), (nx, nx))
+            .copy_from(&-a);
+        stacked
+            .view_mut((part * rows + nx, part * nx), m.shape())
+            .copy_from(m);
+    }
+    for i in 0..nx {
+        stacked[(i, i)] += eigenvalue.re;
+        stacked[(rows + i, nx + i)] += eigenvalue.re;
+        stacked[(i, nx + i)] -= eigenvalue.im;
+        stacked[(rows + i, i)] += eigenvalue.im;
+    }
+    SingularDecomposition::new(&stacked).smallest()
 }

@@ -7,6 +7,7 @@
 //! as an orthonormal basis.
 
 use super::{orthonormal_range, two_norm};
+use crate::decomposition::SingularDecomposition;
 use crate::model::LinearModel;
 use crate::unknown_input_filter::modes::FaultMode;
 use nalgebra::DMatrix;
@@ -53,15 +54,6 @@ fn without_output(basis: &DMatrix<f64>, outputs: &DMatrix<f64>) -> DMatrix<f64> 
     if columns == 0 {
         return basis.clone();
     }
-    // Zero rows make the image at least square, so that all right singular vectors come out.
-    let image = outputs * basis;
-    let rows = image.nrows().max(columns);
-    let svd = image.resize_vertically(rows, 0.0).svd(false, true);
-    let silent: Vec<usize> = (0..columns)
-        .filter(|&i| svd.singular_values[i] <= RANK_TOLERANCE)
-        .collect();
-    svd.v_t.map_or_else(
-        || basis.columns(0, 0).into_owned(),
-        |v_t| basis * v_t.select_rows(&silent).transpose(),
-    )
+    let silent = SingularDecomposition::new(&(outputs * basis)).null_space(RANK_TOLERANCE);
+    basis * silent
 }

@@ -11,6 +11,7 @@ pub use report::{CheckError, CheckReport, CheckWarning, Isolability};
 
 use super::modes::FaultMode;
 use super::options::{Form, MissingPolicy, UnknownInputFilterOptions};
+use crate::decomposition::SingularDecomposition;
 use crate::model::LinearModel;
 use nalgebra::{DMatrix, DVector};
 
@@ -229,33 +230,17 @@ fn normalised_outputs(model: &LinearModel, actuators: impl Iterator<Item = usize
 
 /// σ_min over the columns: 0 with more columns than rows, infinite without columns.
 fn smallest_singular_value(matrix: &DMatrix<f64>) -> f64 {
-    match matrix.shape() {
-        (_, 0) => f64::INFINITY,
-        (rows, columns) if columns > rows => 0.0,
-        _ => matrix.singular_values().min(),
-    }
+    SingularDecomposition::new(matrix).smallest()
 }
 
 fn two_norm(matrix: &DMatrix<f64>) -> f64 {
-    if matrix.is_empty() {
-        0.0
-    } else {
-        matrix.singular_values().max()
-    }
+    SingularDecomposition::new(matrix).largest()
 }
 
 /// Orthonormal basis of the range: left singular vectors with σ > `tolerance` σ_max.
 fn orthonormal_range(matrix: &DMatrix<f64>, tolerance: f64) -> DMatrix<f64> {
-    if matrix.is_empty() {
-        return DMatrix::zeros(matrix.nrows(), 0);
-    }
-    let svd = matrix.clone().svd(true, false);
-    let limit = tolerance * svd.singular_values.max();
-    let kept: Vec<usize> = (0..svd.singular_values.len())
-        .filter(|&i| svd.singular_values[i] > limit)
-        .collect();
-    svd.u
-        .map_or_else(|| DMatrix::zeros(matrix.nrows(), 0), |u| u.select_columns(&kept))
+    let decomposition = SingularDecomposition::new(matrix);
+    decomposition.range(tolerance * decomposition.largest())
 }
 
 fn name(model: &LinearModel, mode: FaultMode) -> String {
