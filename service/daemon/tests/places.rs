@@ -109,8 +109,10 @@ fn a_runtime_directory_that_may_not_be_written_is_named() {
 }
 
 /// Runs a daemon that sees a tmpfs of so many KiB at `place`, which nobody else sees; gives what it said.
-fn with_little_room(stage: &Stage, place: &Path, kibibytes: u32) -> Finished {
-    let script = "mount -t tmpfs -o size=$0k,mode=755 tmpfs $1 && mkdir -p $2 && exec timeout 5 $3 run $4";
+///
+/// A daemon that still runs after `limit_s` ends with the code 124.
+fn with_little_room(stage: &Stage, place: &Path, kibibytes: u32, limit_s: u32) -> Finished {
+    let script = "mount -t tmpfs -o size=$0k,mode=755 tmpfs $1 && mkdir -p $2 && exec timeout $5 $3 run $4";
     let mut command = Command::new("unshare");
     command.args(["--mount", "sh", "-c", script]);
     command
@@ -119,7 +121,8 @@ fn with_little_room(stage: &Stage, place: &Path, kibibytes: u32) -> Finished {
         .arg(stage.directory.path());
     command
         .arg(env!("CARGO_BIN_EXE_residuald"))
-        .arg(stage.configuration_file());
+        .arg(stage.configuration_file())
+        .arg(limit_s.to_string());
     finish(&mut command)
 }
 
@@ -130,7 +133,7 @@ fn a_full_file_system_is_a_clear_error_and_no_crash() {
     }
     let stage = Stage::new();
     let (shared_memory, own) = (Path::new("/dev/shm"), stage.directory.path());
-    if with_little_room(&stage, own, 4096).code != Some(124) {
+    if with_little_room(&stage, own, 4096, 2).code != Some(124) {
         eprintln!("SKIPPED: a tmpfs cannot be mounted here");
         return;
     }
@@ -143,7 +146,7 @@ fn a_full_file_system_is_a_clear_error_and_no_crash() {
         (shared_memory, 512),
         (shared_memory, 8192),
     ] {
-        let run = with_little_room(&stage, place, kibibytes);
+        let run = with_little_room(&stage, place, kibibytes, 20);
         let place = place.display();
         assert_eq!(
             run.code,
@@ -175,7 +178,7 @@ fn a_table_too_large_for_its_file_system_is_a_clear_error_and_leaves_nothing() {
             .insert("name".into(), format!("d{number}").into());
         stage.diagnosers().push(other);
     }
-    let run = with_little_room(&stage, stage.directory.path(), 300);
+    let run = with_little_room(&stage, stage.directory.path(), 300, 60);
     if run.messages.contains("mount") && run.code != Some(1) {
         eprintln!("SKIPPED: a tmpfs cannot be mounted here");
         return;
