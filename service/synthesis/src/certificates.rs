@@ -169,7 +169,8 @@ fn certificate(
     let equalities = WindowEqualities::new(model, question.mode);
     let finish = |z: Multipliers| -> Result<(ParityCertificate, f64), FailureReason> {
         let violation = equalities.violation(&z) / z.largest();
-        if !(violation <= EXACT) {
+        let exact = violation <= EXACT;
+        if !exact {
             return Err(FailureReason::Inexact { violation });
         }
         let scale = threshold_of(model, &bounds, nominal_state, &z).recip();
@@ -183,7 +184,8 @@ fn certificate(
         certificate.validate(model)?;
         let gain = certificate.gain(model);
         let share = gain / solution.gain;
-        if !(share >= 1.0 - GAIN_LOSS) {
+        let sensitive = share >= 1.0 - GAIN_LOSS;
+        if !sensitive {
             return Err(FailureReason::GainLost { share });
         }
         Ok((certificate, gain))

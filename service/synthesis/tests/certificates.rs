@@ -220,7 +220,7 @@ fn the_residual_is_the_fault_times_the_gain_and_the_worst_noise_reaches_the_thre
             // Above its floor a fault is seen whatever the noise does, below it need not be.
             let alarm = |fault: f64| {
                 let (r, h) = evaluate(fault, -1.0);
-                !(r.abs() <= h)
+                r.abs() > h
             };
             assert!(
                 alarm(1.0001 * floor.floor) && !alarm(0.9999 * floor.floor),
