@@ -113,6 +113,116 @@ fn what_is_probably_not_meant_is_a_warning() {
     }
 }
 
+/// The report without the line breaks of its columns.
+fn flat_report(configuration: &str) -> String {
+    let output = check_text(configuration);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    text(&output.stdout)
+        .split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ")
+}
+
+#[test]
+fn parity_tests_are_designed_and_their_floors_reported() {
+    // One sample of y and one before: |r| <= 0.1 + 0.9 * 0.1, so that every fault above 0.38 is seen.
+    let report = flat_report(SMALL);
+    for words in [
+        "parity tests 16, designed",
+        "detectable within 1 sample: u0 from 0.38, u1 from 0.38; within 3 samples: u0 from",
+        "isolable within 1 sample: u0 from 0.38, u1 from 0.38;",
+        "mode_fault_free_parity_0_1,",
+        "mode_1_parity_0_30,",
+    ] {
+        assert!(report.contains(words), "no `{words}` in\n{report}");
+    }
+    let off = SMALL.replace(
+        "[diagnoser.missing]",
+        "[diagnoser.parity]\nlengths = []\n[diagnoser.missing]",
+    );
+    let report = flat_report(&off);
+    assert!(
+        report.contains("parity tests off") && !report.contains("_parity_"),
+        "{report}"
+    );
+    let none = SMALL.replace(
+        "[diagnoser.missing]",
+        "[diagnoser.parity]\ncertificates = []\n[diagnoser.missing]",
+    );
+    let report = flat_report(&none);
+    assert!(
+        report.contains("`parity.certificates` is empty") && !report.contains("_parity_"),
+        "{report}"
+    );
+}
+
+#[test]
+fn windows_that_cannot_tell_a_fault_from_a_mode_are_warned_of() {
+    // Actuator u1 acts like u0 and, one sample later, on the second output.
+    let delayed = SMALL
+        .replace(
+            "A = [[0.9, 0], [0, 0.9]]",
+            "A = [[0.9, 0, 0], [0, 0.9, 0.1], [0, 0, 0]]",
+        )
+        .replace("B = [[1, 0], [0, 1]]", "B = [[1, 1], [0, 0], [0, 1]]")
+        .replace(
+            "C = [[1, 0], [0, 1]]",
+            "C = [[1, 0, 0], [0, 1, 0]]\ninitial_state_radius = [1, 1, 1]",
+        )
+        .replace(
+            "[diagnoser.missing]",
+            "[diagnoser.parity]\nlengths = [1, 10]\n[diagnoser.missing]",
+        );
+    let report = flat_report(&delayed);
+    for words in [
+        "parity tests 6, designed",
+        "no fault of \"u1\" can be told from the mode (u0) by windows of length 1,",
+        "no fault of \"u0\" can be told from the mode (u1) by windows of length 1,",
+        "isolable within 10 samples",
+    ] {
+        assert!(report.contains(words), "no `{words}` in\n{report}");
+    }
+    assert!(!report.contains("isolable within 1 sample:"), "{report}");
+}
+
+#[test]
+fn more_parity_tests_than_a_record_holds_are_refused_with_a_way_out() {
+    let lengths =
+        "[diagnoser.parity]\nlengths = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13]\n[diagnoser.missing]";
+    let many = SMALL.replace("[diagnoser.missing]", lengths);
+    let mistakes = mistakes_of(&many);
+    assert_eq!(mistakes.len(), 1, "{mistakes:?}");
+    let words = mistakes[0].message.clone() + mistakes[0].help.as_deref().unwrap();
+    assert!(
+        words.contains("a record holds 64") && words.contains("fewer `parity.lengths`"),
+        "{words}"
+    );
+    let compact = many.replace(
+        "[diagnoser.parity]",
+        "[diagnoser.filter]\npublish = \"worst\"\n[diagnoser.parity]",
+    );
+    assert!(mistakes_of(&compact).is_empty(), "{:?}", mistakes_of(&compact));
+}
+
+#[test]
+fn counts_beyond_reason_are_refused_at_their_line() {
+    for (good, bad) in [
+        ("generator_order = 30", "generator_order = 2000000000"),
+        ("lengths = [1, 3, 10, 30]", "lengths = [1, 3, 2000000000]"),
+        ("clear_samples = 50", "clear_samples = 4000000000"),
+        ("pre_samples = \"auto\"", "pre_samples = 2000000000"),
+    ] {
+        let text = vtol_with(good, bad);
+        let mistakes = mistakes_of(&text);
+        assert_eq!(mistakes.len(), 1, "{mistakes:?}");
+        assert_eq!(mistakes[0].line, line_of(&text, bad), "{mistakes:?}");
+        assert!(
+            mistakes[0].message.contains("000000000") && mistakes[0].help.is_some(),
+            "{mistakes:?}"
+        );
+    }
+}
+
 #[test]
 fn certificates_are_used_and_refused_where_they_do_not_fit() {
     // λ = (1, 0), μ_0 = -A'λ, μ_1 = λ: the second output never enters, the model holds exactly.
@@ -121,7 +231,7 @@ fn certificates_are_used_and_refused_where_they_do_not_fit() {
     let good = SMALL.replace("[diagnoser.missing]", certificate);
     let report = check_text(&good).stdout;
     assert!(
-        text(&report).contains("parity") && !text(&report).contains("no certificates"),
+        text(&report).contains("1, as configured") && text(&report).contains("mode_fault_free_parity_0_1"),
         "{}",
         text(&report)
     );

@@ -14,6 +14,7 @@
 
 use crate::bounds::NoiseBounds;
 use crate::linear_program::{LinearProgram, LinearProgramError};
+use crate::window_equalities::{Multipliers, WindowEqualities};
 use nalgebra::{DMatrix, DVector};
 use residual_diagnosis::model::LinearModel;
 use residual_diagnosis::unknown_input_filter::modes::FaultMode;
@@ -126,6 +127,16 @@ pub enum FloorError {
     },
 }
 
+impl FloorError {
+    /// Whether the question fits the model and only its computation failed.
+    pub fn is_of_computation(&self) -> bool {
+        matches!(
+            self,
+            Self::Unlimited { .. } | Self::Solver { .. } | Self::Inaccurate { .. }
+        )
+    }
+}
+
 /// Where the variables of the program are.
 struct Layout {
     nx: usize,
@@ -215,10 +226,14 @@ pub fn solve(
     if gain <= SMALLEST_GAIN {
         return Ok(None);
     }
-    let lambda = DMatrix::from_fn(nx, n, |i, k| solution.values[layout.lambda(k, i)]);
-    let mu = DMatrix::from_fn(ny, n + 1, |i, k| solution.values[layout.mu(k, i)]);
-    accurate(equality_violation(model, question.mode, &lambda, &mu))?;
-    accurate(threshold_of(model, bounds, &uncertainty, &lambda, &mu) - 1.0)?;
+    let z = Multipliers {
+        lambda: DMatrix::from_fn(nx, n, |i, k| solution.values[layout.lambda(k, i)]),
+        mu: DMatrix::from_fn(ny, n + 1, |i, k| solution.values[layout.mu(k, i)]),
+    };
+    let violation = WindowEqualities::new(model, question.mode).violation(&z);
+    accurate(violation / z.largest().max(f64::MIN_POSITIVE))?;
+    accurate(threshold_of(model, bounds, nominal_state, &z) - 1.0)?;
+    let Multipliers { lambda, mu } = z;
     Ok(Some(FloorSolution { gain, lambda, mu }))
 }
 
@@ -309,33 +324,17 @@ fn add_magnitude(
     }
 }
 
-/// Largest violation of an equality, relative to the largest multiplier.
-fn equality_violation(model: &LinearModel, mode: FaultMode, lambda: &DMatrix<f64>, mu: &DMatrix<f64>) -> f64 {
-    let n = lambda.ncols();
-    let mut adjoint = -(model.c().transpose() * mu);
-    for k in 0..n {
-        let back = model.a0().transpose() * lambda.column(k);
-        let mut column = adjoint.column_mut(k);
-        column -= back;
-        let mut column = adjoint.column_mut(k + 1);
-        column += lambda.column(k);
-    }
-    let own = mode.unknown_input_matrix(model.b()).transpose() * lambda;
-    adjoint.amax().max(own.amax()) / lambda.amax().max(mu.amax()).max(f64::MIN_POSITIVE)
-}
-
-/// h of the multipliers.
-fn threshold_of(
+/// h of the multipliers with the state at x_nom.
+pub(crate) fn threshold_of(
     model: &LinearModel,
     bounds: &NoiseBounds,
-    uncertainty: &DVector<f64>,
-    lambda: &DMatrix<f64>,
-    mu: &DMatrix<f64>,
+    nominal_state: &DVector<f64>,
+    z: &Multipliers,
 ) -> f64 {
     let weighted = |matrix: &DMatrix<f64>, weights: &DVector<f64>| -> f64 {
         matrix.column_iter().map(|column| column.abs().dot(weights)).sum()
     };
-    weighted(lambda, uncertainty)
-        + weighted(&(model.d().transpose() * lambda), &bounds.disturbance)
-        + weighted(mu, &bounds.measurement)
+    weighted(&z.lambda, &(model.a_plus() * nominal_state))
+        + weighted(&(model.d().transpose() * &z.lambda), &bounds.disturbance)
+        + weighted(&z.mu, &bounds.measurement)
 }

@@ -1,55 +1,16 @@
 //! Floors against the reference values and against their own definition.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-mod common;
+#[path = "common/reference.rs"]
+mod reference_files;
 
-use common::workspace;
 use nalgebra::DVector;
-use residual_diagnosis::model::{LinearModel, ModelOptions};
+use reference_files::{aircraft, mode, plant, reference};
+use residual_diagnosis::model::LinearModel;
 use residual_diagnosis::unknown_input_filter::modes::FaultMode;
 use residual_synthesis::bounds::NoiseBounds;
 use residual_synthesis::floors::{FloorError, FloorQuestion, solve};
 use serde_json::Value;
-
-/// A reference file: beside the workspace, or else the copy in the diagnosis crate.
-fn reference(name: &str) -> Value {
-    let places = [
-        "../shared/reference/unknown_input_filter",
-        "service/diagnosis/tests/reference/unknown_input_filter",
-    ];
-    let path = places
-        .map(|place| workspace().join(place).join(name))
-        .into_iter()
-        .find(|path| path.exists());
-    serde_json::from_str(&std::fs::read_to_string(path.unwrap()).unwrap()).unwrap()
-}
-
-fn list<T: serde::de::DeserializeOwned>(value: &Value) -> Vec<T> {
-    serde_json::from_value(value.clone()).unwrap()
-}
-
-/// The model in the notation of the reference files.
-fn plant(model: &Value) -> LinearModel {
-    let options = ModelOptions {
-        a: list(&model["A0"]),
-        b: list(&model["B"]),
-        c: list(&model["C"]),
-        d: list(&model["D"]),
-        a_uncertainty: list(&model["A_plus"]),
-        disturbance_bound: list(&model["disturbance_bound"]),
-        measurement_noise_bound: list(&model["noise_bound"]),
-        ..ModelOptions::default()
-    };
-    LinearModel::new(&options, 1.0).unwrap()
-}
-
-fn aircraft() -> LinearModel {
-    plant(&reference("vtol_design.json")["model"])
-}
-
-fn mode(value: &Value) -> FaultMode {
-    serde_json::from_value(value.clone()).unwrap()
-}
 
 fn check_floors(file: &Value, model: &LinearModel) -> usize {
     let floors = file["lp_floors"].as_array().unwrap();

@@ -1,8 +1,10 @@
 //! From a configuration to its diagnosers.
 
+use super::design::DesignedMethod;
 use super::error::ConfigurationError;
 use super::load::Loaded;
 use super::locate::{Document, Mistakes};
+use super::method::MethodError;
 use residual_diagnosis::diagnoser::Diagnoser;
 
 /// A diagnoser, ready for its first step.
@@ -16,13 +18,24 @@ pub struct BuiltDiagnoser {
 }
 
 impl Loaded {
-    /// Constructs the diagnosers, in the order of the configuration.
+    /// Constructs the diagnosers, in the order of the configuration. Their off-line design is done the first time
+    /// and kept, so that all diagnosers of one configuration are equal to the last bit.
     ///
     /// # Errors
     /// The conditions of the methods that do not hold, one a diagnoser, at their places in the text.
     pub fn build_diagnosers(&self) -> Result<Vec<BuiltDiagnoser>, ConfigurationError> {
-        let results = self.configuration.diagnosers.iter().map(|diagnoser| {
-            let built = diagnoser.method.build(diagnoser.sample_time_s());
+        let diagnosers = &self.configuration.diagnosers;
+        let designs = self.designs.get_or_init(|| {
+            diagnosers
+                .iter()
+                .map(|diagnoser| diagnoser.method.design(diagnoser.sample_time_s()))
+                .collect()
+        });
+        let results = diagnosers.iter().zip(designs).map(|(diagnoser, design)| {
+            let built = design
+                .as_ref()
+                .map_err(MethodError::clone)
+                .and_then(DesignedMethod::build);
             built.map_err(|error| (&diagnoser.name, error))
         });
         let results: Vec<_> = results.collect();

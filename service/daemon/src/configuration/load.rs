@@ -1,13 +1,15 @@
 //! From a file to a configuration, and from a configuration to its diagnosers.
 
 use super::deserialise::{keys_of, read};
+use super::design::DesignedMethod;
 use super::error::{ConfigurationError, Source};
 use super::locate::{Document, Mistakes};
 use super::schema;
 use super::validate::{self, refuse_duplicates};
-use super::{Configuration, DiagnoserConfiguration, InputConfiguration, MethodConfiguration};
+use super::{Configuration, DiagnoserConfiguration, InputConfiguration, MethodConfiguration, MethodError};
 use std::ops::Range;
 use std::path::Path;
+use std::sync::OnceLock;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -17,6 +19,8 @@ pub struct Loaded {
     /// The configuration in force.
     pub configuration: Configuration,
     pub(super) source: Source,
+    /// The off-line design of each diagnoser, from its first construction on.
+    pub(super) designs: OnceLock<Vec<Result<DesignedMethod, MethodError>>>,
 }
 
 impl Configuration {
@@ -58,6 +62,7 @@ impl Configuration {
         Ok(Loaded {
             configuration,
             source,
+            designs: OnceLock::new(),
         })
     }
 }

@@ -1,12 +1,10 @@
-//! The diagnosis methods: from the tables of a diagnoser to the diagnoser itself.
+//! The diagnosis methods: from the tables of a diagnoser to a method with its options.
 
-use super::build::BuiltDiagnoser;
 use super::deserialise::{keys_of, read};
 use super::locate::Mistakes;
 use super::schema::Method;
 use residual_diagnosis::model::{LinearModel, ModelError, ModelOptions};
-use residual_diagnosis::unknown_input_filter::UnknownInputFilterBank;
-use residual_diagnosis::unknown_input_filter::checks::{CheckError, check_modes};
+use residual_diagnosis::unknown_input_filter::checks::CheckError;
 use residual_diagnosis::unknown_input_filter::error::ConstructionError;
 use residual_diagnosis::unknown_input_filter::options::UnknownInputFilterOptions;
 use residual_diagnosis::unknown_input_filter::options_error::OptionsError;
@@ -40,7 +38,7 @@ pub struct MethodError {
 
 impl MethodError {
     /// Messages of the methods read "what is wrong; what to do".
-    fn new(key: String, message: &str) -> Self {
+    pub(super) fn new(key: String, message: &str) -> Self {
         let (message, help) = message.split_once("; ").unwrap_or((message, ""));
         Self {
             key,
@@ -124,35 +122,6 @@ impl MethodConfiguration {
         }
     }
 
-    /// Constructs the diagnoser.
-    ///
-    /// # Errors
-    /// The first condition of the method that does not hold.
-    pub fn build(&self, sample_time_s: f64) -> Result<BuiltDiagnoser, MethodError> {
-        match self {
-            Self::UnknownInputFilter { model, options } => {
-                let model = LinearModel::new(model, sample_time_s)?;
-                let names: Vec<_> = model
-                    .actuators()
-                    .iter()
-                    .map(|actuator| actuator.name.as_str())
-                    .collect();
-                let modes = options.bank.modes(model.actuator_count());
-                let report = check_modes(&model, options, &modes)?;
-                let mut warnings: Vec<_> = report.warnings.iter().map(ToString::to_string).collect();
-                warnings.extend(unknown_input_filter_warnings(options));
-                let modes: Vec<_> = modes.iter().map(|mode| mode.describe(&names)).collect();
-                let notes = vec![("fault modes", modes.join(", "))];
-                let diagnoser = Box::new(UnknownInputFilterBank::new(model, options)?);
-                Ok(BuiltDiagnoser {
-                    diagnoser,
-                    notes,
-                    warnings,
-                })
-            }
-        }
-    }
-
     /// Fills in names and units of outputs and actuators, where the model states none, with those of the
     /// signals (name, unit); names only if they are unique.
     pub(super) fn name_signals(&mut self, measurements: &[(String, String)], commands: &[(String, String)]) {
@@ -163,26 +132,6 @@ impl MethodConfiguration {
             }
         }
     }
-}
-
-fn unknown_input_filter_warnings(options: &UnknownInputFilterOptions) -> Vec<String> {
-    let mut warnings = Vec::new();
-    let certificates = options.parity.certificates.as_deref().unwrap_or_default();
-    if certificates.is_empty() && !options.parity.lengths.is_empty() {
-        warnings.push(
-            "`parity.lengths` asks for tests over windows, but there are no certificates for them: only the \
-             one-step tests run"
-                .to_owned(),
-        );
-    }
-    if options.filter.fault_of_interest.is_none() {
-        warnings.push(
-            "`filter.fault_of_interest` is not set: no record will tell when thresholds become too wide to see \
-             a fault"
-                .to_owned(),
-        );
-    }
-    warnings
 }
 
 fn adopt(signals: &[(String, String)], names: &mut Option<Vec<String>>, units: &mut Option<Vec<String>>) {

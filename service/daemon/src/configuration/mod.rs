@@ -7,17 +7,20 @@
 //! | `deserialise`, `refusal`, `locate` | from text to sections, every mistake with its place |
 //! | `validate` | from sections to [`Configuration`] |
 //! | [`load`] | the whole way |
-//! | [`method`], [`build`] | the diagnosis methods and the construction of the diagnosers |
+//! | [`method`], [`design`], [`build`] | the diagnosis methods, their off-line design, and the construction of the diagnosers |
+//! | `parity_design` | what the design of parity tests says to people |
 //! | `warnings` | what is accepted but deserves a second look |
 //!
 //! `deploy/config/README.md` documents every key, `deploy/config/vtol.toml` is a complete example.
 
 pub mod build;
 mod deserialise;
+pub mod design;
 pub mod error;
 pub mod load;
 mod locate;
 pub mod method;
+mod parity_design;
 mod refusal;
 mod schema;
 mod suggest;

@@ -19,6 +19,7 @@ mod missing;
 mod mode_filter;
 pub mod modes;
 pub mod options;
+mod options_counts;
 pub mod options_error;
 mod options_validate;
 mod outcome;

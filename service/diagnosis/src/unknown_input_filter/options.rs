@@ -155,7 +155,8 @@ pub struct ParityOptions {
     /// Samples before the fault that a certificate may use: a number, or `"auto"` (default): 0 if C has full
     /// column rank, else 30.
     pub pre_samples: PreSamples,
-    /// Certificates as found by the design; without them no parity test runs.
+    /// The certificates of the parity tests; without them none runs. Their design needs a solver, so that it is
+    /// left to whoever builds the bank.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub certificates: Option<Vec<ParityCertificate>>,
 }

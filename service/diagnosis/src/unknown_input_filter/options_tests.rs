@@ -148,6 +148,41 @@ fn every_misuse_names_its_key() {
 }
 
 #[test]
+fn counts_that_would_take_all_memory_or_time_are_refused_and_the_largest_allowed_ones_are_not() {
+    type Set = fn(&mut UnknownInputFilterOptions, usize);
+    let counts: [(&str, usize, Set); 7] = [
+        ("filter.generator_order", 1000, |o, n| {
+            o.filter.generator_order = Some(n)
+        }),
+        ("filter.gain_sweeps", 6, |o, n| o.filter.gain_sweeps = n),
+        ("bank.max_isolation_window", 10_000, |o, n| {
+            o.bank.max_isolation_window = Some(n)
+        }),
+        ("bank.clear_samples", 1_000_000_000, |o, n| {
+            o.bank.clear_samples = n as u32
+        }),
+        ("parity.lengths", 1000, |o, n| o.parity.lengths = vec![1, n]),
+        ("parity.lengths", 16, |o, n| o.parity.lengths = (1..=n).collect()),
+        ("parity.pre_samples", 1000, |o, n| {
+            o.parity.pre_samples = PreSamples::Count(n)
+        }),
+    ];
+    let table = table();
+    let model = LinearModel::new(&table.model, 0.01).unwrap();
+    for (key, largest, set) in counts {
+        let mut allowed = options(&table);
+        set(&mut allowed, largest);
+        assert_eq!(allowed.validate(&model), Ok(()), "{key}");
+        for count in [largest + 1, 2_000_000_000]
+            .into_iter()
+            .filter(|&n| largest != 16 || n == 17)
+        {
+            assert_eq!(refused_key(|o| set(o, count)), key);
+        }
+    }
+}
+
+#[test]
 fn certificates_are_checked_against_the_model_and_the_bank() {
     let table = table();
     let mut options = options(&table);

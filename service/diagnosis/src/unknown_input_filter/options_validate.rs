@@ -6,9 +6,6 @@ use super::options::{
 use super::options_error::OptionsError;
 use crate::model::LinearModel;
 
-/// Largest number of reweighting sweeps of the row-wise gain.
-const MAX_GAIN_SWEEPS: usize = 6;
-
 impl UnknownInputFilterOptions {
     /// Checks that the options fit together and fit the model.
     ///
@@ -16,8 +13,9 @@ impl UnknownInputFilterOptions {
     /// The first [`OptionsError`] found; its key points at the entry.
     pub fn validate(&self, model: &LinearModel) -> Result<(), OptionsError> {
         let strip_available = model.strip_gain().is_some();
+        self.validate_counts()?;
         self.validate_bank(model, strip_available)?;
-        self.validate_numbers(model)?;
+        self.validate_lists(model)?;
         self.validate_forms()?;
         self.validate_start(model, strip_available)?;
         self.validate_kalman(model)?;
@@ -42,13 +40,6 @@ impl UnknownInputFilterOptions {
                 orders: self.bank.simultaneous_faults.clone(),
             });
         }
-        if self.bank.max_isolation_window == Some(0) {
-            return Err(OptionsError::OutOfRange {
-                key: "bank.max_isolation_window",
-                value: 0.0,
-                allowed: "it must be at least 1 sample; leave it out for four times the number of states",
-            });
-        }
         if self.bank.reset == ResetRule::Strip && !strip_available {
             return Err(OptionsError::StripUnavailable {
                 key: "bank.reset",
@@ -65,21 +56,7 @@ impl UnknownInputFilterOptions {
         Ok(())
     }
 
-    fn validate_numbers(&self, model: &LinearModel) -> Result<(), OptionsError> {
-        if self.filter.gain_sweeps > MAX_GAIN_SWEEPS {
-            return Err(OptionsError::OutOfRange {
-                key: "filter.gain_sweeps",
-                value: self.filter.gain_sweeps as f64,
-                allowed: "0 to 6 sweeps are allowed; more do not narrow the sets",
-            });
-        }
-        if self.parity.lengths.contains(&0) {
-            return Err(OptionsError::OutOfRange {
-                key: "parity.lengths",
-                value: 0.0,
-                allowed: "a window has at least 1 sample; use an empty list to switch the parity tests off",
-            });
-        }
+    fn validate_lists(&self, model: &LinearModel) -> Result<(), OptionsError> {
         let (nx, nu) = (model.state_count(), model.actuator_count());
         non_negative(
             "filter.nominal_state_magnitude",
