@@ -1,5 +1,9 @@
 //! Writing and reading one record of 26 channels in the bounds table, without contention.
-#![allow(clippy::expect_used, missing_docs, reason = "a benchmark stops on its first mistake")]
+#![allow(
+    clippy::expect_used,
+    missing_docs,
+    reason = "a benchmark stops on its first mistake"
+)]
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use residual_shared::bounds_table::{Access, ChannelSpec, SlotSpec, TableReader, TableSpec, TableWriter};
@@ -11,7 +15,10 @@ const CHANNELS: usize = 26;
 fn table(criterion: &mut Criterion) {
     let directory = tempfile::tempdir_in("/dev/shm").expect("a tmpfs");
     let path = directory.path().join("bench.bounds");
-    let channel = |index| ChannelSpec { name: format!("channel_{index}"), unit: String::new() };
+    let channel = |index| ChannelSpec {
+        name: format!("channel_{index}"),
+        unit: String::new(),
+    };
     let slot = SlotSpec {
         name: "bench".into(),
         method: "none".into(),
@@ -29,7 +36,10 @@ fn table(criterion: &mut Criterion) {
         schedule_epoch_ns: 0,
         stale_after_periods: 3,
     };
-    let access = Access { group: None, mode: 0o600 };
+    let access = Access {
+        group: None,
+        mode: 0o600,
+    };
     let mut writer = TableWriter::create(&path, &spec, &access).expect("a new table");
     let reader = TableReader::open(&path).expect("the new table");
     let mut record = StepRecord::new(CHANNELS);

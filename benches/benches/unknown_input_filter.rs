@@ -1,5 +1,9 @@
 //! One step of the bank of the VTOL example (fault-free filter and two single-fault filters), fault-free data.
-#![allow(clippy::expect_used, missing_docs, reason = "a benchmark stops on its first mistake")]
+#![allow(
+    clippy::expect_used,
+    missing_docs,
+    reason = "a benchmark stops on its first mistake"
+)]
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use residual_diagnosis::diagnoser::{Diagnoser, StepInput, StepRecord};
@@ -29,8 +33,12 @@ fn step(criterion: &mut Criterion) {
         .collect();
     let forms: [(&str, Edit); 3] = [
         ("row-wise gain", |text| text),
-        ("fixed gain", |text| text.replace("gain = \"row_wise\"", "gain = \"fixed\"")),
-        ("Frobenius gain, 30 generators", |text| text.replace("gain = \"row_wise\"", "gain = \"frobenius\"")),
+        ("fixed gain", |text| {
+            text.replace("gain = \"row_wise\"", "gain = \"fixed\"")
+        }),
+        ("Frobenius gain, 30 generators", |text| {
+            text.replace("gain = \"row_wise\"", "gain = \"frobenius\"")
+        }),
     ];
     let mut group = criterion.benchmark_group("bank of 3 filters with 4 states");
     for (name, edit) in forms {
@@ -40,7 +48,13 @@ fn step(criterion: &mut Criterion) {
         group.bench_function(name, |bencher| {
             bencher.iter(|| {
                 if let Some((measurements, commands)) = samples.next() {
-                    diagnoser.step(&StepInput { measurements, commands }, &mut record);
+                    diagnoser.step(
+                        &StepInput {
+                            measurements,
+                            commands,
+                        },
+                        &mut record,
+                    );
                 }
             });
         });

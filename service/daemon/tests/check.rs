@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{line_of, mistakes_of, repository, vtol_with};
+use common::{VTOL, line_of, mistakes_of, repository, vtol_with};
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -154,6 +154,23 @@ fn parity_tests_are_designed_and_their_floors_reported() {
         report.contains("`parity.certificates` is empty") && !report.contains("_parity_"),
         "{report}"
     );
+}
+
+#[test]
+fn a_fault_of_interest_below_every_floor_is_warned_of_as_inert() {
+    let report = flat_report(&vtol_with(
+        "fault_of_interest = [2.0, 1.0]",
+        "fault_of_interest = [2.0, 0.1]",
+    ));
+    assert!(
+        report.contains("inert threshold: a fault of \"longitudinal_cyclic_pitch\""),
+        "{report}"
+    );
+    assert!(
+        !report.contains("a fault of \"collective_pitch\" is certainly seen"),
+        "{report}"
+    );
+    assert!(!flat_report(VTOL).contains("inert threshold"));
 }
 
 #[test]

@@ -9,8 +9,8 @@ use super::{MAX_NODES, Node, SendError, TransportError, open_error, refused, roo
 use crate::names::Instance;
 use crate::record::StepRecord;
 
-/// How many recorders may be attached at once.
-const MAX_RECORDERS: usize = 16;
+/// How many recorders may be attached at once; each costs the buffer below in shared memory, about 2 MB.
+const MAX_RECORDERS: usize = 4;
 
 /// Records kept for a recorder between two receptions: ten seconds of one diagnoser at 100 Hz.
 const RECORDER_BUFFER: usize = 1024;

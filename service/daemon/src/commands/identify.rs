@@ -52,7 +52,12 @@ pub enum ChoiceError {
 
 /// Executes the command; the bounds go to standard output.
 pub fn execute(arguments: &IdentifyArguments) -> miette::Result<()> {
-    let replay = Replay::load(&arguments.configuration, &arguments.recording, &RunSelection::All, &[])?;
+    let replay = Replay::load(
+        &arguments.configuration,
+        &arguments.recording,
+        &RunSelection::All,
+        &[],
+    )?;
     let configuration = &replay.loaded.configuration;
     let diagnoser = choose(&configuration.diagnosers, arguments.diagnoser.as_deref())?;
     let MethodConfiguration::UnknownInputFilter { model, .. } = &diagnoser.method;
@@ -61,13 +66,19 @@ pub fn execute(arguments: &IdentifyArguments) -> miette::Result<()> {
     let (mut training, mut validation) = (Vec::new(), Vec::new());
     for (position, run) in replay.runs().iter().enumerate() {
         let seen = sequences(configuration, diagnoser, &replay.samples(run));
-        let data =
-            RunData { name: run.name.clone(), commands: seen.commands, measurements: seen.measurements };
+        let data = RunData {
+            name: run.name.clone(),
+            commands: seen.commands,
+            measurements: seen.measurements,
+        };
         let chosen = arguments.runs.takes(position, &run.name);
         if chosen { &mut training } else { &mut validation }.push(data);
     }
-    let options =
-        IdentifyOptions { margin: arguments.margin, window: arguments.window, ..Default::default() };
+    let options = IdentifyOptions {
+        margin: arguments.margin,
+        window: arguments.window,
+        ..Default::default()
+    };
     let bar = ProgressBar::new(0).with_style(progress_style());
     let mut progress = |progress: Progress| {
         bar.set_length(progress.runs as u64);
@@ -87,7 +98,11 @@ fn choose<'a>(
     name: Option<&str>,
 ) -> Result<&'a DiagnoserConfiguration, ChoiceError> {
     let known = || {
-        diagnosers.iter().map(|diagnoser| format!("`{}`", diagnoser.name)).collect::<Vec<_>>().join(", ")
+        diagnosers
+            .iter()
+            .map(|diagnoser| format!("`{}`", diagnoser.name))
+            .collect::<Vec<_>>()
+            .join(", ")
     };
     match (name, diagnosers) {
         (None, [only]) => Ok(only),
@@ -95,6 +110,9 @@ fn choose<'a>(
         (Some(name), _) => diagnosers
             .iter()
             .find(|diagnoser| diagnoser.name == name)
-            .ok_or_else(|| ChoiceError::Unknown { name: name.into(), known: known() }),
+            .ok_or_else(|| ChoiceError::Unknown {
+                name: name.into(),
+                known: known(),
+            }),
     }
 }

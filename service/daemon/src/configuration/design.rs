@@ -2,7 +2,7 @@
 
 use super::build::BuiltDiagnoser;
 use super::method::{MethodConfiguration, MethodError};
-use super::parity_design::{not_separable, sensitivities};
+use super::parity_design::{inert_thresholds, not_separable, sensitivities};
 use nalgebra::DVector;
 use residual_diagnosis::model::LinearModel;
 use residual_diagnosis::unknown_input_filter::UnknownInputFilterBank;
@@ -143,6 +143,9 @@ fn add_certificates(
     ));
     notes.extend(sensitivities(model, modes, &designed));
     warnings.extend(not_separable(model, &designed));
+    if let Some(interest) = &options.filter.fault_of_interest {
+        warnings.extend(inert_thresholds(model, &designed, interest));
+    }
     parity.certificates = Some(designed.certificates);
     Ok(())
 }

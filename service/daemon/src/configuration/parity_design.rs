@@ -62,6 +62,32 @@ pub(super) fn sensitivities(
     notes
 }
 
+/// A warning for every actuator whose fault of the configured size (units of u) no parity test certainly detects,
+/// with the state at its nominal magnitude: the thresholds are too wide for it.
+pub(super) fn inert_thresholds(
+    model: &LinearModel,
+    designed: &Designed,
+    fault_of_interest: &[f64],
+) -> Vec<String> {
+    let warning = |(j, &interest): (usize, &f64)| {
+        let floors = designed
+            .floors
+            .iter()
+            .filter(|floor| floor.question.actuator == j);
+        let smallest = floors.map(|floor| floor.floor).reduce(f64::min)?;
+        (smallest > interest).then(|| {
+            format!(
+                "inert threshold: a fault of \"{}\" is certainly seen only from {} on, not from the \
+                 `filter.fault_of_interest` = {interest}; reduce `A_uncertainty` or the bounds, or add longer \
+                 `parity.lengths`",
+                model.actuators()[j].name,
+                round_up(smallest, DIGITS),
+            )
+        })
+    };
+    fault_of_interest.iter().enumerate().filter_map(warning).collect()
+}
+
 /// A warning for every mode and actuator with windows that have no test.
 pub(super) fn not_separable(model: &LinearModel, designed: &Designed) -> Vec<String> {
     let names: Vec<&str> = model

@@ -27,15 +27,24 @@ pub fn sequences(
     samples: &[TimedSample],
 ) -> Sequences {
     let inbox = |signal_count| Inbox::new(signal_count, samples.len(), u64::MAX);
-    let mut inboxes: Vec<Inbox> =
-        configuration.inputs.iter().map(|input| inbox(input.signals.len())).collect();
+    let mut inboxes: Vec<Inbox> = configuration
+        .inputs
+        .iter()
+        .map(|input| inbox(input.signals.len()))
+        .collect();
     for (sequence, sample) in (0..).zip(samples) {
-        let header = SampleHeader { sequence, timestamp_ns: START_NS + sample.time_ns };
+        let header = SampleHeader {
+            sequence,
+            timestamp_ns: START_NS + sample.time_ns,
+        };
         inboxes[sample.input].accept(0, header, &sample.elements, 0);
     }
     let end_ns = START_NS + samples.last().map_or(0, |sample| sample.time_ns);
-    let mut assembler =
-        Assembler::new(&diagnoser.measurements, &diagnoser.commands, diagnoser.command_delay_steps);
+    let mut assembler = Assembler::new(
+        &diagnoser.measurements,
+        &diagnoser.commands,
+        diagnoser.command_delay_steps,
+    );
     let mut seen = Sequences::default();
     let mut instant_ns = START_NS + diagnoser.phase_ns;
     while instant_ns <= end_ns {
