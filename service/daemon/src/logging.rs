@@ -1,6 +1,7 @@
 //! The log: `tracing` to standard error through a writer thread, so that no caller waits for a terminal or disk.
 
 use std::fmt::Arguments;
+use std::io::IsTerminal as _;
 
 use iceoryx2_log::{Log, LogLevel};
 use tracing_appender::non_blocking::{NonBlocking, WorkerGuard};
@@ -19,7 +20,8 @@ pub fn start(filter: &str) -> Result<WorkerGuard, ParseError> {
     let (writer, guard) = NonBlocking::new(std::io::stderr());
     let subscriber = tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(writer);
+        .with_writer(writer)
+        .with_ansi(std::io::stderr().is_terminal());
     // A second start in one process (tests) keeps the first log.
     let _ = subscriber.try_init();
     iceoryx2_log::set_logger(&ICEORYX_LOG);

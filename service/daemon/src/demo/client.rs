@@ -234,7 +234,7 @@ impl Viewer<'_> {
         self.rows(filter, record).any(|(_, channel)| channel.ratio > 1.0)
     }
 
-    /// The tested rows of one filter.
+    /// The rows of one filter that were tested at this instant.
     fn rows<'a>(
         &'a self,
         filter: &'a Filter,
@@ -246,7 +246,7 @@ impl Viewer<'_> {
             .zip(record.channels())
             .filter_map(|(description, channel)| {
                 let row = description.name.strip_prefix(filter.prefix)?;
-                (!row.starts_with("fault_estimate")).then_some((row, channel))
+                (channel.is_evaluated() && !row.starts_with("fault_estimate")).then_some((row, channel))
             })
     }
 
@@ -255,7 +255,10 @@ impl Viewer<'_> {
         writeln!(output, "k = {k:3}  t = {t:.2} s  {}", record.verdict().name())?;
         for filter in &FILTERS {
             write!(output, "  {:18}", filter.title)?;
-            for (name, channel) in self.rows(filter, record) {
+            let (windows, rows): (Vec<_>, Vec<_>) = self
+                .rows(filter, record)
+                .partition(|(name, _)| name.starts_with("parity_"));
+            for (name, channel) in rows {
                 let mark = if channel.ratio > 1.0 { '!' } else { ' ' };
                 let name = paper_name(name);
                 write!(
@@ -263,6 +266,11 @@ impl Viewer<'_> {
                     " {name} {:+.3} in ±{:.3}{mark}",
                     channel.residual, channel.upper
                 )?;
+            }
+            // The tests over several samples have no unit that says much: the one closest to its bound stands for all.
+            if let Some(ratio) = windows.iter().map(|(_, channel)| channel.ratio).reduce(f64::max) {
+                let mark = if ratio > 1.0 { '!' } else { ' ' };
+                write!(output, " windows {:3.0} % of bound{mark}", 100.0 * ratio)?;
             }
             writeln!(output)?;
         }
