@@ -58,7 +58,7 @@ fn a_good_configuration_is_reported_with_exit_code_0() {
         "input aircraft_sensors",
         "horizontal_speed [kn]",
         "diagnoser aircraft_actuators",
-        "period 10 ms, phase 0 s, margin 2 ms, priority 0",
+        "period 10 ms, phase 0 s, margin 5 ms, priority 0",
         "fault-free, collective_pitch, longitudinal_cyclic_pitch",
         "in order",
     ] {

@@ -37,7 +37,7 @@ fn the_example_is_read_as_it_is_written() {
     let diagnoser = &configuration.diagnosers[0];
     assert_eq!(
         (diagnoser.period_ns, diagnoser.phase_ns, diagnoser.margin_ns),
-        (10_000_000, 0, 2_000_000)
+        (10_000_000, 0, 5_000_000)
     );
     assert_eq!(
         diagnoser.measurements[3],
@@ -76,7 +76,7 @@ fn names_and_units_of_the_signals_serve_where_the_model_states_none() {
 #[test]
 fn what_is_left_out_has_its_documented_default() {
     let text = VTOL
-        .replace("margin_s = 0.002 ", "#")
+        .replace("margin_s = 0.005 ", "#")
         .replace("lock_memory = true", "#")
         .replace("mode = \"0640\"", "#")
         .replace("record_queue = 1024", "#");

@@ -256,8 +256,8 @@ fn schedules_that_cannot_work_are_refused() {
         "phase of a period": "phase_s = 0.0" => "phase_s = 0.01", 0, ["whole period"], ["below the period of 0.01 s"];
         "phase beyond": "phase_s = 0.0" => "phase_s = 0.02", 0, ["0.02 s"], ["below the period"];
         "negative phase": "phase_s = 0.0" => "phase_s = -0.001", 0, ["-0.001"], ["from 0"];
-        "negative margin": "margin_s = 0.002" => "margin_s = -0.002", 0, ["-0.002"], ["0 to 10 periods"];
-        "margin of 11 periods": "margin_s = 0.002" => "margin_s = 0.11", 0, ["0.11"], ["0 to 10 periods"];
+        "negative margin": "margin_s = 0.005" => "margin_s = -0.002", 0, ["-0.002"], ["0 to 10 periods"];
+        "margin of 11 periods": "margin_s = 0.005" => "margin_s = 0.11", 0, ["0.11"], ["0 to 10 periods"];
         "delay": "command_delay_steps = 0" => "command_delay_steps = 5000", 0, ["5000"], ["1024"];
     ]);
 }
@@ -334,7 +334,7 @@ fn matrices_and_bounds_that_do_not_fit_are_refused_at_their_place() {
         "fault bound": "fault_bound = [3.0, 3.0]" => "fault_bound = [3.0]", 0, ["missing.fault_bound"], [];
         "negative fault bound": "fault_bound = [3.0, 3.0]" => "fault_bound = [3.0, -3.0]", 0, ["-3"], [];
         "discretisation": "# discretisation" => "discretisation", 0, ["model.discretisation"], ["remove it"];
-        "half a box": "# input_lower" => "input_lower", 0, ["input_upper"], ["both"];
+        "half a box": "input_lower = [-10, -10]" => "#", 1, ["input_lower"], ["both"];
     ]);
 }
 
