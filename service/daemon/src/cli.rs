@@ -9,10 +9,9 @@ use miette::{IntoDiagnostic, Report};
 
 use crate::commands::{check, identify, replay, run};
 use crate::configuration::Configuration;
-use crate::demo::client::ClientArguments;
 use crate::demo::conductor::DemoArguments;
 use crate::demo::publisher::PublisherArguments;
-use crate::demo::{client, conductor, publisher};
+use crate::demo::{Part, client, conductor, publisher};
 use crate::logging;
 
 /// Fault-diagnosis monitor for vehicle computers.
@@ -63,7 +62,7 @@ pub enum Command {
     DemoPublisher(PublisherArguments),
     /// The client of the demonstration.
     #[command(hide = true)]
-    DemoClient(ClientArguments),
+    DemoClient(Part),
 }
 
 impl CommandLine {

@@ -80,11 +80,6 @@ impl Directory {
     pub fn slot_of(&self, name: &str) -> Option<usize> {
         self.spec.slots.iter().position(|slot| slot.name == name)
     }
-
-    /// Index of the input `name`.
-    pub fn input_of(&self, name: &str) -> Option<usize> {
-        self.spec.inputs.iter().position(|input| input.name == name)
-    }
 }
 
 /// Why a table cannot be made from a specification.

@@ -3,17 +3,15 @@
 //! It is an ordinary client: it needs read permission for the table and nothing else.
 
 use std::io::{self, Write};
-use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::Args;
 use residual_client::{Monitor, MonitorError};
 use residual_shared::bounds_table::{OpenError, SlotSpec};
 use residual_shared::clock::monotonic_ns;
-use residual_shared::names::{Instance, InstanceName};
 use residual_shared::record::{Channel, StepRecord, Verdict, flags};
 use serde::{Deserialize, Serialize};
 
+use super::Part;
 use super::plant::{FIRST_FAULTY_TRANSITION, PERIOD_NS, STEPS};
 
 /// The diagnoser of the embedded configuration.
@@ -27,23 +25,6 @@ const PATIENCE_NS: u64 = 2_000_000_000;
 
 /// Every how many records the channels are shown while nothing happens.
 const SHOW_EVERY: u64 = 50;
-
-/// What the client process is told.
-#[derive(Clone, Debug, Args)]
-pub struct ClientArguments {
-    /// Instance to read.
-    #[arg(long)]
-    pub instance: InstanceName,
-    /// Runtime directory of the instance.
-    #[arg(long)]
-    pub runtime_directory: PathBuf,
-    /// Which actuator will fail: an alarm of the filter that ignores it would be false.
-    #[arg(long)]
-    pub case: u8,
-    /// Moment of the measurement y_0, CLOCK_MONOTONIC nanoseconds.
-    #[arg(long)]
-    pub start_ns: u64,
-}
 
 /// Why polling failed.
 #[derive(Debug, thiserror::Error)]
@@ -100,8 +81,8 @@ impl ClientReport {
 }
 
 /// Polls until the last record of the case, shows bounds on the way, and ends with the report.
-pub fn execute(arguments: &ClientArguments, output: &mut impl Write) -> Result<(), ClientError> {
-    let instance = Instance::new(arguments.instance.clone(), &arguments.runtime_directory);
+pub fn execute(part: &Part, output: &mut impl Write) -> Result<(), ClientError> {
+    let instance = part.instance();
     let mut monitor = Monitor::open(&instance)?;
     let followed = monitor.follow(DIAGNOSER)?;
     let slot = monitor.table().and_then(|table| {
@@ -116,18 +97,15 @@ pub fn execute(arguments: &ClientArguments, output: &mut impl Write) -> Result<(
     let mut viewer = Viewer {
         slot: slot.unwrap_or_else(no_slot),
         report: ClientReport::default(),
-        arguments,
+        part,
     };
     let mut record = StepRecord::new(0);
     let mut last_number = None;
-    let end_ns = arguments.start_ns + STEPS * PERIOD_NS;
+    let end_ns = part.start_ns + STEPS * PERIOD_NS;
     while monotonic_ns() < end_ns + PATIENCE_NS {
         std::thread::sleep(POLL);
         let reading = monitor.read_followed(followed, &mut record)?;
-        if reading.number == 0
-            || last_number == Some(reading.number)
-            || record.instant_ns < arguments.start_ns
-        {
+        if reading.number == 0 || last_number == Some(reading.number) || record.instant_ns < part.start_ns {
             continue;
         }
         viewer.report.missed += last_number.map_or(0, |last: u64| reading.number.saturating_sub(last + 1));
@@ -158,7 +136,7 @@ fn no_slot() -> SlotSpec {
 struct Viewer<'a> {
     slot: SlotSpec,
     report: ClientReport,
-    arguments: &'a ClientArguments,
+    part: &'a Part,
 }
 
 /// A filter of the bank by the prefix of its channels.
@@ -190,13 +168,13 @@ const FILTERS: [Filter; 3] = [
 
 impl Viewer<'_> {
     fn take(&mut self, record: &StepRecord, output: &mut impl Write) -> io::Result<()> {
-        let k = (record.instant_ns - self.arguments.start_ns) / PERIOD_NS;
+        let k = (record.instant_ns - self.part.start_ns) / PERIOD_NS;
         self.report.records += 1;
         let alarming: Vec<&Filter> = FILTERS
             .iter()
             .filter(|filter| self.alarms(filter, record))
             .collect();
-        let faulty = self.arguments.case - 1;
+        let faulty = self.part.case - 1;
         let impossible = alarming.iter().any(|filter| filter.ignores == Some(faulty));
         let alarm = record.flags & flags::ALARM_NOW != 0;
         self.report.false_alarms += u64::from(alarm && (k <= FIRST_FAULTY_TRANSITION || impossible));

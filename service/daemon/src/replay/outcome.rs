@@ -15,8 +15,6 @@ pub struct Outcome {
     pub detected_ns: Option<u64>,
     /// First isolation at or after the onset, and the faults isolated.
     pub isolated: Option<(u64, u64)>,
-    /// The verdict stood at a fault or an isolation when the fault began: detection cannot be judged.
-    pub alarmed_before: bool,
 }
 
 impl Outcome {
@@ -29,7 +27,6 @@ impl Outcome {
         let faulty = onset_ns.is_some_and(|onset| record.instant_ns >= onset);
         if !faulty {
             self.false_alarms += u64::from(alarm);
-            self.alarmed_before = matches!(record.verdict(), Verdict::Fault | Verdict::Isolated);
             return;
         }
         if alarm && self.detected_ns.is_none() {
@@ -72,7 +69,6 @@ mod tests {
         assert_eq!(outcome.false_alarms, 1);
         assert_eq!(outcome.detected_ns, Some(4));
         assert_eq!(outcome.isolated, Some((5, 0b10)));
-        assert!(!outcome.alarmed_before);
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! A CSV recording in memory.
 
 use std::collections::BTreeMap;
-use std::io;
 use std::path::{Path, PathBuf};
 
 /// Why a recording could not be read.
@@ -209,16 +208,6 @@ impl RunSelection {
             Self::Named(names) => names.iter().any(|wanted| wanted == name),
         }
     }
-}
-
-/// Where a CSV file cannot be written.
-#[derive(Debug, thiserror::Error)]
-#[error("cannot write `{path}`: {source}")]
-pub struct WriteError {
-    /// The file.
-    pub path: PathBuf,
-    /// The reason.
-    pub source: io::Error,
 }
 
 #[cfg(test)]

@@ -4,13 +4,23 @@
 //! bit. Step and time count from the start of the recording, whatever the daemon's clock says.
 
 use std::fs::File;
-use std::path::Path;
+use std::io;
+use std::path::{Path, PathBuf};
 
 use residual_diagnosis::diagnoser::Description;
 use residual_shared::record::StepRecord;
 
-use super::recording::WriteError;
 use crate::runtime::companion::fault_names;
+
+/// Why a CSV file cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write `{path}`: {source}")]
+pub struct WriteError {
+    /// The file.
+    pub path: PathBuf,
+    /// The reason.
+    pub source: io::Error,
+}
 
 /// A record with its place in a replay.
 #[derive(Clone, Copy)]
@@ -25,7 +35,7 @@ pub struct ReplayRecord {
 pub struct RecordWriter {
     files: Vec<csv::Writer<File>>,
     faults: Vec<Vec<String>>,
-    path: std::path::PathBuf,
+    path: PathBuf,
 }
 
 impl RecordWriter {

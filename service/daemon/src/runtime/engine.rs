@@ -110,13 +110,16 @@ impl Engine {
 
     /// Does every step that is due at `now_ns` and hands its record to `sink`.
     ///
-    /// `clock_ns` is read before and after each step, for the step times only.
+    /// `clock_ns` is read before and after each step: for the step times, and so that a step that waits behind
+    /// others counts its wait as lateness. It decides nothing but that.
     pub fn step_due(&mut self, now_ns: u64, clock_ns: impl Fn() -> u64, sink: &mut impl RecordSink) {
+        let turn_begin_ns = clock_ns();
         while let Some(slot) = self.agenda.peek(now_ns) {
             let unit = &mut self.units[slot];
             unit.skip_what_cannot_be_caught_up(self.epoch_ns, self.catch_up_limit, now_ns);
             let begin_ns = clock_ns();
-            unit.step(&mut self.inboxes, self.epoch_ns, now_ns);
+            let waited_ns = begin_ns.saturating_sub(turn_begin_ns);
+            unit.step(&mut self.inboxes, self.epoch_ns, now_ns + waited_ns);
             let taken_ns = clock_ns().saturating_sub(begin_ns);
             self.step_times_ns.saturating_record(taken_ns);
             unit.counters.max_step_ns = unit.counters.max_step_ns.max(taken_ns);
