@@ -48,13 +48,7 @@ fn step(criterion: &mut Criterion) {
         group.bench_function(name, |bencher| {
             bencher.iter(|| {
                 if let Some((measurements, commands)) = samples.next() {
-                    diagnoser.step(
-                        &StepInput {
-                            measurements,
-                            commands,
-                        },
-                        &mut record,
-                    );
+                    diagnoser.step(&StepInput::new(measurements, commands), &mut record);
                 }
             });
         });

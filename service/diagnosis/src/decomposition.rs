@@ -7,7 +7,7 @@ use nalgebra::{Complex, DMatrix, DVector, Schur};
 
 /// A = U diag(σ) V' for any m x n matrix A; every column has its σ, also with more columns than rows.
 #[derive(Clone, Debug)]
-pub(crate) struct SingularDecomposition {
+pub struct SingularDecomposition {
     /// m x n: orthonormal columns, zero where σ is 0.
     pub u: DMatrix<f64>,
     /// n singular values in no particular order.
@@ -105,8 +105,11 @@ fn orthogonalise(u: &mut DMatrix<f64>, v: &mut DMatrix<f64>, p: usize, q: usize)
 
 /// Eigenvalues; `None` if the iteration does not converge even after a change by rounding errors, which breaks
 /// the symmetries on which it can stall.
-pub(crate) fn eigenvalues(matrix: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
+pub fn eigenvalues(matrix: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     const ITERATIONS: usize = 10_000;
+    if matrix.is_empty() {
+        return Some(Vec::new());
+    }
     let schur = |matrix: DMatrix<f64>| Schur::try_new(matrix, f64::EPSILON, ITERATIONS);
     let perturbed = || {
         let size = f64::EPSILON * matrix.amax();

@@ -1,15 +1,34 @@
 //! What every diagnosis method offers to the scheduler.
 
+pub use crate::packets::{Packet, PacketHeader, PacketRules, PacketSource, Packets};
+pub use crate::state::RestoreError;
 pub use residual_shared::record::{Channel, StepRecord, Verdict, flags};
 
-/// What one step sees: the samples of one sampling instant. NaN stands for an element that was not received.
+/// What one step sees. NaN stands for an element that was not received.
 #[derive(Clone, Copy, Debug)]
 pub struct StepInput<'a> {
+    /// The sampling instant t_k, nanoseconds of the clock that stamps the packets.
+    pub instant_ns: u64,
     /// y(t_k): the measured outputs of this instant, in the order and units of the model.
     pub measurements: &'a [f64],
     /// u(t_k): the commands received for this instant, in the order and units of the model; they act from t_k
     /// until t_{k+1}.
     pub commands: &'a [f64],
+    /// Every packet that arrived since the last step, for methods that asked for them
+    /// ([`Description::packets`]).
+    pub packets: Packets<'a>,
+}
+
+impl<'a> StepInput<'a> {
+    /// The input of a method that needs neither time nor packets.
+    pub fn new(measurements: &'a [f64], commands: &'a [f64]) -> Self {
+        Self {
+            instant_ns: 0,
+            measurements,
+            commands,
+            packets: Packets::default(),
+        }
+    }
 }
 
 /// Name and unit of one channel of a diagnoser's records.
@@ -34,6 +53,8 @@ pub struct Description {
     pub measurement_count: usize,
     /// Number of commands a step expects.
     pub command_count: usize,
+    /// Which packets a step expects; `None` for methods that use the samples of the sampling instant only.
+    pub packets: Option<PacketRules>,
 }
 
 /// A configured diagnosis method on one plant.
@@ -56,4 +77,18 @@ pub trait Diagnoser: Send {
 
     /// Returns to the state right after construction.
     fn reset(&mut self);
+
+    /// A second diagnoser with the same configuration and the same state.
+    fn boxed_clone(&self) -> Box<dyn Diagnoser>;
+
+    /// Appends the whole state to `state`; restored into a diagnoser of the same configuration it goes on exactly
+    /// as this one. Not for the real-time path: it allocates.
+    fn save(&self, state: &mut Vec<u8>);
+
+    /// Takes over a saved state.
+    ///
+    /// # Errors
+    /// [`RestoreError`] if the bytes are not a state of a diagnoser with this configuration; nothing has changed
+    /// then.
+    fn restore(&mut self, state: &[u8]) -> Result<(), RestoreError>;
 }

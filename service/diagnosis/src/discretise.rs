@@ -16,9 +16,10 @@
 
 use crate::model::ModelError;
 use nalgebra::DMatrix;
+use serde::Serialize;
 
 /// The matrices that change with the sampling period.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct Dynamics {
     /// State matrix, nx x nx.
     pub a0: DMatrix<f64>,

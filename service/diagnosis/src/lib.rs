@@ -6,11 +6,17 @@
 // `!(|r| <= h)` is the alarm rule: unlike `|r| > h` it is never silent for a value that is not a number.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
-mod decomposition;
+pub mod covariance;
+pub mod decomposition;
 pub mod diagnoser;
 pub mod discretise;
 pub mod factor;
 pub mod matrix;
+pub mod method;
 pub mod model;
+pub mod packets;
+pub mod spectrum;
+pub mod state;
+pub mod tables;
 pub mod unknown_input_filter;
 pub mod zonotope;

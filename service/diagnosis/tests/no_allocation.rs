@@ -67,25 +67,13 @@ fn exercise(bank: &mut UnknownInputFilterBank, model: &ModelOptions) -> (Vec<Ver
             record.flags = 0;
             match k % 50 {
                 20..23 => bank.skip(&mut record),
-                25 => bank.step(
-                    &StepInput {
-                        measurements: &y[..1],
-                        commands: &u,
-                    },
-                    &mut record,
-                ),
+                25 => bank.step(&StepInput::new(&y[..1], &u), &mut record),
                 phase => {
                     if phase % 10 == 7 {
                         y[phase % ny] = f64::NAN;
                     }
                     let commands = if phase == 31 { &[][..] } else { &u };
-                    bank.step(
-                        &StepInput {
-                            measurements: &y,
-                            commands,
-                        },
-                        &mut record,
-                    );
+                    bank.step(&StepInput::new(&y, commands), &mut record);
                 }
             }
             verdicts[record.verdict as usize] = true;

@@ -111,10 +111,7 @@ impl Assembler {
     /// What the step sees: measurements of this instant and the commands that begin to act at it.
     pub fn step_input(&self) -> StepInput<'_> {
         let oldest = (self.newest + 1) % self.commands.len();
-        StepInput {
-            measurements: &self.measurements,
-            commands: &self.commands[oldest],
-        }
+        StepInput::new(&self.measurements, &self.commands[oldest])
     }
 }
 

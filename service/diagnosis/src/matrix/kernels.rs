@@ -43,6 +43,14 @@ pub fn absolute_dot(x: &[f64], y: &[f64]) -> f64 {
     sum_of(x, y, |a, b| a.abs() * b)
 }
 
+/// `out` += `factor` x.
+#[inline]
+pub fn add_scaled(out: &mut [f64], factor: f64, x: &[f64]) {
+    for (target, value) in out.iter_mut().zip(x) {
+        *target += factor * value;
+    }
+}
+
 /// Sum of `c[k]` times row `first + k` of `source`, combined with what is in `out` by `join`.
 #[inline(always)]
 fn join_four(out: &mut [f64], c: &[f64], source: &Matrix, first: usize, join: impl Fn(f64, f64) -> f64) {
@@ -68,9 +76,7 @@ fn add_from(out: &mut [f64], coefficients: &[f64], source: &Matrix, first: usize
         k += 4;
     }
     for (k, factor) in coefficients.iter().enumerate().skip(k) {
-        for (target, value) in out.iter_mut().zip(source.row(k)) {
-            *target += factor * value;
-        }
+        add_scaled(out, *factor, source.row(k));
     }
 }
 

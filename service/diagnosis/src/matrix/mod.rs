@@ -5,18 +5,24 @@
 //! summation is fixed, so that equal inputs give equal bits.
 
 mod kernels;
+mod stored;
+mod triangular;
 
 pub use kernels::{
-    absolute_dot, absolute_sum, add_combination, all_finite, apply, combination, dot, multiply,
+    absolute_dot, absolute_sum, add_combination, add_scaled, all_finite, apply, combination, dot, multiply,
     multiply_transposed, row_sums,
 };
+
+pub use triangular::{forward_substitution, triangularise};
 
 use std::ops::{Index, IndexMut};
 
 use nalgebra::DMatrix;
+use serde::{Deserialize, Serialize};
 
 /// A row-major matrix that can be reshaped within the room it was created with.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(into = "stored::StoredMatrix", try_from = "stored::StoredMatrix")]
 pub struct Matrix {
     rows: usize,
     columns: usize,
@@ -63,6 +69,11 @@ impl Matrix {
         self.stride
     }
 
+    /// Whether the room is that of another matrix, whatever the shapes.
+    pub fn has_room_of(&self, other: &Self) -> bool {
+        self.stride == other.stride && self.data.len() == other.data.len()
+    }
+
     /// Changes the shape within the room; the elements keep their places, new ones hold whatever was there.
     pub fn reshape(&mut self, rows: usize, columns: usize) {
         debug_assert!(columns <= self.stride && rows * self.stride <= self.data.len());
@@ -80,6 +91,14 @@ impl Matrix {
     #[inline]
     pub fn row_mut(&mut self, i: usize) -> &mut [f64] {
         &mut self.data[i * self.stride..i * self.stride + self.columns]
+    }
+
+    /// Row `i` to be read and row `j` > `i` to be written.
+    pub(crate) fn two_rows(&mut self, i: usize, j: usize) -> (&[f64], &mut [f64]) {
+        debug_assert!(i < j);
+        let (before, after) = self.data.split_at_mut(j * self.stride);
+        let first = i * self.stride;
+        (&before[first..first + self.columns], &mut after[..self.columns])
     }
 
     /// All rows in order.

@@ -24,10 +24,11 @@ use crate::decomposition::SingularDecomposition;
 use crate::discretise::{self, Dynamics};
 use nalgebra::{DMatrix, DVector};
 use residual_shared::record::MAX_FAULTS;
+use serde::Serialize;
 use validate::{bounds, labels, matrix, names, non_negative, require_columns, require_rows, vector};
 
 /// A box: every coordinate between its lower and its upper bound.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Bounds {
     /// Lower corner.
     pub lower: DVector<f64>,
@@ -53,7 +54,7 @@ impl Bounds {
 }
 
 /// The box that contains the state at the start.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct InitialState {
     /// Its centre p0, length nx.
     pub center: DVector<f64>,
@@ -62,7 +63,7 @@ pub struct InitialState {
 }
 
 /// A validated discrete-time model: all shapes agree, all entries are finite, all bounds are >= 0.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LinearModel {
     sample_time_s: f64,
     dynamics: Dynamics,
@@ -78,7 +79,7 @@ pub struct LinearModel {
 }
 
 /// Name and unit of a state, an actuator or an output.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Label {
     /// Its name, unique among its kind.
     pub name: String,

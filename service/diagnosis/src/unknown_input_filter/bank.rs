@@ -17,9 +17,12 @@ use super::{
     strip_reset::reset_by_strip,
     workspace::Workspace,
 };
-use crate::diagnoser::{Description, Diagnoser, StepInput, StepRecord, Verdict, flags};
+use crate::diagnoser::{Description, Diagnoser, RestoreError, StepInput, StepRecord, Verdict, flags};
+use crate::state::StateFormat;
+use serde::{Deserialize, Serialize};
 
 /// One fault mode: its filter and its parity tests.
+#[derive(Clone)]
 pub(super) struct Mode {
     pub mode: FaultMode,
     /// `None` for an untestable mode that was allowed: it is never falsified.
@@ -28,7 +31,7 @@ pub(super) struct Mode {
 }
 
 /// Everything that changes from instant to instant.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct BankState {
     /// Whether the first complete packet has arrived.
     pub started: bool,
@@ -41,6 +44,26 @@ pub(super) struct BankState {
     pub quiet: u32,
 }
 
+impl BankState {
+    /// Whether a state has the lengths of another.
+    fn fits(&self, other: &Self) -> bool {
+        self.command.len() == other.command.len()
+            && self.falsified.len() == other.falsified.len()
+            && self.sets.len() == other.sets.len()
+            && self.windows.len() == other.windows.len()
+            && self
+                .sets
+                .iter()
+                .zip(&other.sets)
+                .all(|(set, other)| set.fits(other))
+            && self
+                .windows
+                .iter()
+                .zip(&other.windows)
+                .all(|(window, other)| window.fits(other))
+    }
+}
+
 /// Rules of the bank that do not change.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BankRules {
@@ -51,6 +74,7 @@ pub(super) struct BankRules {
 }
 
 /// Where a filter that starts from the prior begins.
+#[derive(Clone)]
 pub(super) struct Prior {
     pub centre: Vec<f64>,
     pub radius: Vec<f64>,
@@ -61,6 +85,7 @@ pub(super) struct Prior {
 /// The command of an instant acts until the next one, so that the first test is one instant after the first
 /// complete packet (every measurement and every command); until then the verdict is `Starting`. Once a mode is
 /// falsified the verdict stays `Isolated` or `Fault` until the episode ends, also at instants without a test.
+#[derive(Clone)]
 pub struct UnknownInputFilterBank {
     pub(super) plant: Plant,
     pub(super) modes: Vec<Mode>,
@@ -79,6 +104,7 @@ pub struct UnknownInputFilterBank {
     pub(super) layout: ChannelLayout,
     pub(super) description: Description,
     pub(super) report: CheckReport,
+    pub(super) format: StateFormat,
 }
 
 impl UnknownInputFilterBank {
@@ -269,6 +295,14 @@ impl UnknownInputFilterBank {
         known && matches!(self.modes[i].filter, Some(ModeFilter::Paper(_)))
     }
 
+    /// Clears what the last instant left for its record.
+    fn forget_outcomes(&mut self) {
+        self.outcomes.iter_mut().for_each(Outcome::clear);
+        self.parity
+            .iter_mut()
+            .for_each(|rows| rows.fill(TestRow::default()));
+    }
+
     fn store_command(&mut self, u: &[f64]) {
         if u.len() == self.plant.nu() {
             self.state.command.copy_from_slice(u);
@@ -298,9 +332,27 @@ impl Diagnoser for UnknownInputFilterBank {
         self.state.windows.iter_mut().for_each(ParityWindow::restart);
         self.state.falsified.fill(false);
         self.state.quiet = 0;
-        self.outcomes.iter_mut().for_each(Outcome::clear);
-        self.parity
-            .iter_mut()
-            .for_each(|rows| rows.fill(TestRow::default()));
+        self.forget_outcomes();
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Diagnoser> {
+        Box::new(self.clone())
+    }
+
+    fn save(&self, state: &mut Vec<u8>) {
+        self.format.encode(&self.state, state);
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<(), RestoreError> {
+        let mut state: BankState = self.format.decode(state)?;
+        if !state.fits(&self.state) {
+            return Err(RestoreError::Damaged);
+        }
+        for (window, present) in state.windows.iter_mut().zip(&mut self.state.windows) {
+            window.keep_constants_of(present);
+        }
+        self.state = state;
+        self.forget_outcomes();
+        Ok(())
     }
 }

@@ -21,11 +21,17 @@ use super::{
     state::SetState,
     workspace::Workspace,
 };
-use crate::{diagnoser::Description, matrix::Matrix, model::LinearModel};
+use crate::{diagnoser::Description, matrix::Matrix, model::LinearModel, state::StateFormat};
 use nalgebra::DMatrix;
 
 /// Sweeps of the off-line run that finds the fixed gain (method sheet 3.3).
 const DESIGN_SWEEPS: usize = 6;
+
+/// The method's name, as written in the configuration.
+const METHOD: &str = "unknown_input_filter";
+
+/// Version of the saved state.
+const STATE_VERSION: u16 = 1;
 
 impl UnknownInputFilterBank {
     /// Builds the bank of a model after the checks of method sheet 3.1; see [`Self::report`] for their warnings.
@@ -97,7 +103,7 @@ impl UnknownInputFilterBank {
                 radius: prior.radius.as_slice().to_vec(),
             }),
             description: Description {
-                method: "unknown_input_filter",
+                method: METHOD,
                 channels: layout.descriptions().to_vec(),
                 faults: model
                     .actuators()
@@ -106,7 +112,9 @@ impl UnknownInputFilterBank {
                     .collect(),
                 measurement_count: plant.ny(),
                 command_count: plant.nu(),
+                packets: None,
             },
+            format: StateFormat::new(METHOD, STATE_VERSION, &(&model, options)),
             work: Workspace::new(&plant, order, own, filter.effective_reduction()),
             measured: Measured::new(&plant),
             outcomes,
@@ -164,6 +172,7 @@ impl UnknownInputFilterBank {
                 return Err(ConstructionError::FixedGainWithoutMode { mode });
             }
         }
+        self.format.extend(&(mode, &gain));
         Ok(())
     }
 }

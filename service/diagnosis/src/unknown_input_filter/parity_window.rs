@@ -2,12 +2,13 @@
 
 use crate::model::LinearModel;
 use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
 
 /// A ring of the last n + 1 samples: measurements, commands and bounds of the state.
 ///
 /// Every sample is stored twice, one capacity apart, so that any run of recent samples is one slice. Nothing is
 /// allocated after construction.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct ParityWindow {
     capacity: usize,
     /// Where the newest sample lies, below `capacity`.
@@ -19,6 +20,8 @@ pub struct ParityWindow {
     measurements: Rows,
     commands: Rows,
     state_bounds: Rows,
+    /// Constant, so that a saved window has none; [`Self::keep_constants_of`] brings it back.
+    #[serde(skip)]
     strip: Option<StripBound>,
 }
 
@@ -48,6 +51,22 @@ impl ParityWindow {
                 .strip_gain()
                 .map(|gain| StripBound::new(model, gain, outward_rounding)),
         }
+    }
+
+    /// Whether a saved window has the room of another.
+    pub(super) fn fits(&self, other: &Self) -> bool {
+        self.capacity == other.capacity
+            && self.newest < self.capacity
+            && self.complete <= self.capacity
+            && [&self.measurements, &self.commands, &self.state_bounds]
+                .iter()
+                .zip([&other.measurements, &other.commands, &other.state_bounds])
+                .all(|(rows, other)| rows.width == other.width && rows.values.len() == other.values.len())
+    }
+
+    /// Takes over what is not saved.
+    pub(super) fn keep_constants_of(&mut self, other: &mut Self) {
+        self.strip = other.strip.take();
     }
 
     /// Adds the sample of one instant.
@@ -138,7 +157,7 @@ impl ParityWindow {
 }
 
 /// Twice `capacity` rows of one width, contiguous.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Rows {
     width: usize,
     values: Vec<f64>,

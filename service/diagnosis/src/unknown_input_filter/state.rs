@@ -1,9 +1,10 @@
 //! The set of one filter: ⟨p, H⟩ ⊕ span(U) (method sheet 2 and 4.1).
 
 use crate::matrix::{Matrix, all_finite, row_sums};
+use serde::{Deserialize, Serialize};
 
 /// What one filter knows of the state. Everything that changes from step to step is here.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct SetState {
     /// p, length nx.
     pub centre: Vec<f64>,
@@ -30,6 +31,15 @@ impl SetState {
             covariance: Matrix::zeros(nx, nx),
             void: true,
         }
+    }
+
+    /// Whether this set has the room of another.
+    pub fn fits(&self, other: &Self) -> bool {
+        self.centre.len() == other.centre.len()
+            && self.radius.len() == other.radius.len()
+            && self.generators.has_room_of(&other.generators)
+            && self.unbounded.has_room_of(&other.unbounded)
+            && self.covariance.has_room_of(&other.covariance)
     }
 
     /// Takes the box with this centre and radius.

@@ -138,13 +138,7 @@ pub fn run(case: &Case) -> Result<Counts, String> {
         let falsified_before = bank.falsified().contains(&true);
         record.flags = 0;
         let (measurements, commands) = (&sample.run.y[k], &sample.run.u[k]);
-        bank.step(
-            &StepInput {
-                measurements,
-                commands,
-            },
-            &mut record,
-        );
+        bank.step(&StepInput::new(measurements, commands), &mut record);
         if !case.outward_rounding && lost_digits(&bank) {
             break;
         }

@@ -59,13 +59,7 @@ fn advance(bank: &mut UnknownInputFilterBank, sample: &Sample, instants: usize) 
     for k in 0..instants {
         record.flags = 0;
         let (measurements, commands) = (&sample.run.y[k], &sample.run.u[k]);
-        bank.step(
-            &StepInput {
-                measurements,
-                commands,
-            },
-            &mut record,
-        );
+        bank.step(&StepInput::new(measurements, commands), &mut record);
     }
     record
 }
@@ -174,8 +168,8 @@ proptest! {
         let mut records = [0; 2].map(|_| StepRecord::new(original.description().channels.len()));
         for k in 0..40 {
             let (y, u) = (&sample.run.y[k], &sample.run.u[k]);
-            original.step(&StepInput { measurements: y, commands: u }, &mut records[0]);
-            other.step(&StepInput { measurements: &scaled(y), commands: &scaled(u) }, &mut records[1]);
+            original.step(&StepInput::new(y, u), &mut records[0]);
+            other.step(&StepInput::new(&scaled(y), &scaled(u)), &mut records[1]);
             let rows = original.description().channels.iter().zip(records[0].channels().iter().zip(records[1].channels()));
             for (description, (one, two)) in rows.filter(|(description, _)| description.name.contains("_output_")) {
                 prop_assert_eq!((one.lower * factor).to_bits(), two.lower.to_bits(), "{} at {}", description.name, k);
@@ -201,7 +195,7 @@ proptest! {
         for (y, u) in sample.run.y.iter().zip(&sample.run.u) {
             for (bank, record) in [&mut first, &mut second].into_iter().zip(&mut records) {
                 record.flags = 0;
-                bank.step(&StepInput { measurements: y, commands: u }, record);
+                bank.step(&StepInput::new(y, u), record);
             }
             prop_assert!(records[0].same_bits(&records[1]));
         }

@@ -108,13 +108,7 @@ pub fn bank(model: &ModelOptions, options: &UnknownInputFilterOptions) -> Unknow
 /// One step of a bank.
 pub fn step(bank: &mut UnknownInputFilterBank, y: &[f64], u: &[f64]) -> StepRecord {
     let mut record = StepRecord::new(bank.description().channels.len());
-    bank.step(
-        &StepInput {
-            measurements: y,
-            commands: u,
-        },
-        &mut record,
-    );
+    bank.step(&StepInput::new(y, u), &mut record);
     record
 }
 
