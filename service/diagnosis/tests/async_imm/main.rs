@@ -16,6 +16,9 @@ mod support;
 
 mod discretisation;
 mod fixture;
+mod long_run;
+mod paper;
 mod scenarios;
 mod servo;
+mod simulation;
 mod units;
