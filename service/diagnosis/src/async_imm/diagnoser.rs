@@ -179,7 +179,8 @@ impl AsyncImm {
         let mut reinitialised = false;
         if !self.memory.posterior(number).is_sound() {
             self.memory.counters.interval_rejected += 1;
-            report = self.attempt(number, end_ns, None);
+            self.attempt(number, end_ns, None);
+            report.used = 0;
             reinitialised = !self.memory.posterior(number).is_sound();
         }
         let startup_steps = self.settings.startup_steps;

@@ -6,10 +6,14 @@ use super::{
 };
 use crate::{
     covariance::semidefinite_factor,
-    matrix::{Matrix, all_finite, triangularise},
+    matrix::{Matrix, triangularise},
 };
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
+
+/// A larger entry of a mean or covariance is rejected: its square, which mixing and the square-root form need, would
+/// not stay finite.
+const LARGEST: f64 = 1e150;
 
 /// One mode filter: \[x̂; φ̂\] and its uncertainty.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,12 +30,12 @@ impl ModeState {
         self.spread.copy_from(&other.spread);
     }
 
-    /// Finite, and no negative variance.
-    pub(super) fn is_sound(&self) -> bool {
-        let n = self.spread.rows();
-        all_finite(&self.mean)
-            && self.spread.iter_rows().all(all_finite)
-            && (0..n).all(|i| self.spread[(i, i)] >= 0.0)
+    /// Finite, the squares too, and no negative variance.
+    fn is_sound(&self) -> bool {
+        let moderate = |values: &[f64]| values.iter().all(|value| value.abs() <= LARGEST);
+        moderate(&self.mean)
+            && self.spread.iter_rows().all(moderate)
+            && (0..self.spread.rows()).all(|i| self.spread[(i, i)] >= 0.0)
     }
 
     fn fits(&self, other: &Self) -> bool {

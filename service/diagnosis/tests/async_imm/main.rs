@@ -14,10 +14,16 @@
 #[path = "../support/mod.rs"]
 mod support;
 
+mod allocation;
 mod discretisation;
 mod fixture;
 mod long_run;
+mod packets;
 mod paper;
+mod properties;
+mod random;
+mod recovery;
+mod rollback;
 mod scenarios;
 mod servo;
 mod simulation;
