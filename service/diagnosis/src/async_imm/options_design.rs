@@ -181,6 +181,13 @@ impl SensorOptions {
     fn to_sensor(&self, number: usize, states: usize, form: Form) -> Result<Sensor, DesignError> {
         let key = |entry: &str| format!("sensor.{number}.{entry}");
         let d = self.measurement_matrix.len();
+        if d == 0 {
+            return Err(DesignError::DimensionMismatch {
+                name: key("measurement_matrix"),
+                actual: "an empty list".to_owned(),
+                expected: "at least one row".to_owned(),
+            });
+        }
         if form != Form::BatchUnobserved {
             let superfluous = [
                 (

@@ -15,9 +15,11 @@
 mod support;
 
 mod allocation;
+mod configuration;
 mod discretisation;
 mod fixture;
 mod long_run;
+mod mistakes;
 mod packets;
 mod paper;
 mod properties;
