@@ -113,10 +113,13 @@ impl Mixer {
     /// x̌^m = Σ_i w_{i|m} x̂^{i→m}.
     fn mix_means(&self, from: &[ModeState], m: usize, mean: &mut [f64]) {
         mean.fill(0.0);
-        for (i, source) in self.sources(from) {
-            let carried = &self.carried[i * self.modes + m];
-            for r in 0..self.states {
-                mean[r] += self.weight[i] * self.moved_mean(source, carried, r);
+        for (i, source) in from.iter().enumerate() {
+            let weight = self.weight[i];
+            if weight == 0.0 {
+                continue;
+            }
+            for (sum, moved) in mean.iter_mut().zip(self.moved_means(source, i, m)) {
+                *sum += weight * moved;
             }
         }
     }
@@ -185,28 +188,23 @@ impl Mixer {
         mixed.spread.copy_from(&self.stacked);
     }
 
-    fn sources<'a>(&'a self, from: &'a [ModeState]) -> impl Iterator<Item = (usize, &'a ModeState)> {
-        from.iter().enumerate().filter(|(i, _)| self.weight[*i] != 0.0)
+    /// x̂^{i→m}.
+    fn moved_means<'a>(&'a self, source: &'a ModeState, i: usize, m: usize) -> impl Iterator<Item = f64> {
+        let carried = self.carried[i * self.modes + m].iter();
+        let values = source.mean.iter().zip(&self.restart_mean);
+        carried
+            .zip(values)
+            .map(|(carried, (own, restart))| if *carried { *own } else { *restart })
     }
 
-    fn moved_mean(&self, source: &ModeState, carried: &[bool], r: usize) -> f64 {
-        if carried[r] {
-            source.mean[r]
-        } else {
-            self.restart_mean[r]
-        }
-    }
-
+    /// x̌^m - x̂^{i→m}.
     fn deviate(&mut self, source: &ModeState, i: usize, m: usize, mean: &[f64]) {
-        let carried = &self.carried[i * self.modes + m];
-        for r in 0..self.states {
-            let moved = if carried[r] {
-                source.mean[r]
-            } else {
-                self.restart_mean[r]
-            };
-            self.deviation[r] = mean[r] - moved;
+        let mut deviation = std::mem::take(&mut self.deviation);
+        let moved = self.moved_means(source, i, m);
+        for (out, (mixed, moved)) in deviation.iter_mut().zip(mean.iter().zip(moved)) {
+            *out = mixed - moved;
         }
+        self.deviation = deviation;
     }
 }
 
