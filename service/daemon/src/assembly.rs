@@ -4,13 +4,14 @@ use residual_diagnosis::diagnoser::Description;
 use residual_shared::bounds_table::{ChannelSpec, InputSpec, SlotSpec, TableSpec};
 use residual_shared::clock::DaemonTime;
 
-use crate::configuration::{BuiltDiagnoser, Configuration, DiagnoserConfiguration};
+use crate::configuration::{Configuration, DiagnoserConfiguration};
 use crate::runtime::companion::LogNames;
 use crate::runtime::engine::{DiagnoserUnit, Engine, InboxOptions};
 use crate::runtime::schedule::Timing;
+use residual_diagnosis::method::Designed;
 
 /// What each diagnoser says in its records, by slot.
-pub fn descriptions(diagnosers: &[BuiltDiagnoser]) -> Vec<Description> {
+pub fn descriptions(diagnosers: &[Designed]) -> Vec<Description> {
     diagnosers
         .iter()
         .map(|built| built.diagnoser.description().clone())
@@ -22,7 +23,7 @@ pub fn descriptions(diagnosers: &[BuiltDiagnoser]) -> Vec<Description> {
 /// configured.
 pub fn assemble(
     configuration: &Configuration,
-    diagnosers: Vec<BuiltDiagnoser>,
+    diagnosers: Vec<Designed>,
     epoch_ns: u64,
     speed: f64,
 ) -> Engine {

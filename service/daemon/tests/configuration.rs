@@ -44,9 +44,9 @@ fn the_example_is_read_as_it_is_written() {
         SignalReference { input: 0, element: 3 }
     );
     assert_eq!(diagnoser.commands[1], SignalReference { input: 1, element: 1 });
-    let MethodConfiguration::UnknownInputFilter { model, options } = &diagnoser.method;
-    assert_eq!(model.b[1], [0.0198, -0.0759]);
-    assert_eq!(options.parity.lengths, [1, 3, 10, 30]);
+    let MethodConfiguration::UnknownInputFilter(tables) = &diagnoser.method;
+    assert_eq!(tables.model.b[1], [0.0198, -0.0759]);
+    assert_eq!(tables.parity.lengths, [1, 3, 10, 30]);
     assert_eq!(
         configuration.replay.unwrap().inputs[0].values[3],
         "v_z + q + theta"
@@ -56,12 +56,15 @@ fn the_example_is_read_as_it_is_written() {
 #[test]
 fn names_and_units_of_the_signals_serve_where_the_model_states_none() {
     let configuration = Configuration::from_text("vtol.toml", VTOL).unwrap().configuration;
-    let MethodConfiguration::UnknownInputFilter { model, .. } = &configuration.diagnosers[0].method;
+    let MethodConfiguration::UnknownInputFilter(tables) = &configuration.diagnosers[0].method;
     assert_eq!(
-        model.actuator_names.as_deref().unwrap(),
+        tables.model.actuator_names.as_deref().unwrap(),
         ["collective_pitch", "longitudinal_cyclic_pitch"]
     );
-    assert_eq!(model.output_units.as_deref().unwrap(), ["kn", "kn", "deg/s", ""]);
+    assert_eq!(
+        tables.model.output_units.as_deref().unwrap(),
+        ["kn", "kn", "deg/s", ""]
+    );
     let named = vtol_with(
         "# actuator_names = [\"collective_pitch\"",
         "actuator_names = [\"lift\"",
@@ -69,8 +72,8 @@ fn names_and_units_of_the_signals_serve_where_the_model_states_none() {
     let configuration = Configuration::from_text("vtol.toml", &named)
         .unwrap()
         .configuration;
-    let MethodConfiguration::UnknownInputFilter { model, .. } = &configuration.diagnosers[0].method;
-    assert_eq!(model.actuator_names.as_deref().unwrap()[0], "lift");
+    let MethodConfiguration::UnknownInputFilter(tables) = &configuration.diagnosers[0].method;
+    assert_eq!(tables.model.actuator_names.as_deref().unwrap()[0], "lift");
 }
 
 #[test]

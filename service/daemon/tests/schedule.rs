@@ -4,7 +4,9 @@
 use std::sync::{Arc, Mutex};
 
 use proptest::prelude::*;
-use residual_diagnosis::diagnoser::{Description, Diagnoser, StepInput, StepRecord, Verdict, flags};
+use residual_diagnosis::diagnoser::{
+    Description, Diagnoser, RestoreError, StepInput, StepRecord, Verdict, flags,
+};
 use residual_shared::sample::SampleHeader;
 use residuald::configuration::SignalReference;
 use residuald::runtime::engine::{DiagnoserUnit, Engine, InboxOptions, RecordSink};
@@ -22,6 +24,7 @@ enum Told {
 }
 
 /// A diagnoser that remembers what it was told.
+#[derive(Clone)]
 struct Listener {
     description: Description,
     told: Arc<Mutex<Vec<Told>>>,
@@ -43,6 +46,16 @@ impl Diagnoser for Listener {
     }
 
     fn reset(&mut self) {}
+
+    fn boxed_clone(&self) -> Box<dyn Diagnoser> {
+        Box::new(self.clone())
+    }
+
+    fn save(&self, _state: &mut Vec<u8>) {}
+
+    fn restore(&mut self, _state: &[u8]) -> Result<(), RestoreError> {
+        Ok(())
+    }
 }
 
 /// Every record with its slot and the time at which it came.
@@ -76,6 +89,7 @@ impl Bench {
                     faults: vec![],
                     measurement_count: 1,
                     command_count: 0,
+                    packets: None,
                 },
                 told: Arc::clone(told),
             }),

@@ -1,8 +1,9 @@
 //! From the tables of a diagnoser in a configuration to the diagnoser: what every method offers.
 
 use crate::diagnoser::Diagnoser;
+use crate::tables::TableError;
 use serde::{Serialize, de::DeserializeOwned};
-use std::fmt::Debug;
+use std::fmt::{self, Debug};
 
 /// What a method reads from a diagnoser's table; its serde fields are the method's keys.
 pub trait MethodOptions: Serialize + DeserializeOwned + Clone + PartialEq + Debug {
@@ -38,6 +39,22 @@ pub struct Refusal {
     pub message: String,
 }
 
+impl Refusal {
+    /// The refusal of the entry at `key` for the reason of an error.
+    pub fn new(key: impl Into<String>, error: &dyn fmt::Display) -> Self {
+        Self {
+            key: key.into(),
+            message: error.to_string(),
+        }
+    }
+}
+
+impl From<TableError> for Refusal {
+    fn from(error: TableError) -> Self {
+        Self::new(error.key(), &error)
+    }
+}
+
 /// A diagnoser before its first step, and what its design found.
 pub struct Designed {
     /// The diagnoser.
@@ -46,6 +63,17 @@ pub struct Designed {
     pub notes: Vec<(&'static str, String)>,
     /// What is accepted but deserves a second look.
     pub warnings: Vec<String>,
+}
+
+impl Debug for Designed {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter
+            .debug_struct("Designed")
+            .field("diagnoser", self.diagnoser.description())
+            .field("notes", &self.notes)
+            .field("warnings", &self.warnings)
+            .finish()
+    }
 }
 
 impl Clone for Designed {

@@ -1,11 +1,12 @@
 //! `residuald check`: what a configuration means, or what is wrong with it.
 
 use crate::configuration::{
-    BuiltDiagnoser, Configuration, DaemonSection, DiagnoserConfiguration, InputConfiguration,
-    RealtimeSection, SignalReference,
+    Configuration, DaemonSection, DiagnoserConfiguration, InputConfiguration, RealtimeSection,
+    SignalReference,
 };
 use miette::IntoDiagnostic;
 use nix::sys::statfs::{TMPFS_MAGIC, statfs};
+use residual_diagnosis::method::Designed;
 use std::fmt::Write as _;
 use std::io::Write;
 use std::path::Path;
@@ -22,7 +23,7 @@ pub fn execute(path: &Path, output: &mut dyn Write) -> miette::Result<()> {
 }
 
 /// The report on a configuration that is in order.
-fn report(configuration: &Configuration, diagnosers: &[BuiltDiagnoser]) -> String {
+fn report(configuration: &Configuration, diagnosers: &[Designed]) -> String {
     let mut lines = Lines::default();
     daemon(&mut lines, &configuration.daemon);
     realtime(&mut lines, configuration.realtime);
@@ -111,7 +112,7 @@ fn input(lines: &mut Lines, input: &InputConfiguration) {
 fn diagnoser(
     lines: &mut Lines,
     diagnoser: &DiagnoserConfiguration,
-    built: &BuiltDiagnoser,
+    built: &Designed,
     inputs: &[InputConfiguration],
 ) {
     let description = built.diagnoser.description();

@@ -60,8 +60,8 @@ pub fn execute(arguments: &IdentifyArguments) -> miette::Result<()> {
     )?;
     let configuration = &replay.loaded.configuration;
     let diagnoser = choose(&configuration.diagnosers, arguments.diagnoser.as_deref())?;
-    let MethodConfiguration::UnknownInputFilter { model, .. } = &diagnoser.method;
-    let model = LinearModel::new(model, diagnoser.sample_time_s()).into_diagnostic()?;
+    let MethodConfiguration::UnknownInputFilter(tables) = &diagnoser.method;
+    let model = LinearModel::new(&tables.model, diagnoser.sample_time_s()).into_diagnostic()?;
 
     let (mut training, mut validation) = (Vec::new(), Vec::new());
     for (position, run) in replay.runs().iter().enumerate() {

@@ -14,12 +14,13 @@ use signal_hook::flag;
 use tracing::{info, warn};
 
 use crate::assembly::{assemble, descriptions, log_names, table_spec};
-use crate::configuration::{BuiltDiagnoser, Configuration};
+use crate::configuration::Configuration;
 use crate::runtime::companion::{Companion, Message};
 use crate::runtime::live::{Publication, StepLoop};
 use crate::runtime::lock::{InstanceLock, LockError};
 use crate::runtime::real_time;
 use crate::summary::Summary;
+use residual_diagnosis::method::Designed;
 
 /// From start-up to the epoch of the schedule: lets everything settle before the first step.
 const HEAD_START_NS: u64 = 20_000_000;
@@ -49,7 +50,7 @@ pub enum RunError {
 /// With a `speed` other than 1 the daemon's time runs faster or slower than the clock, for replays.
 pub fn run(
     configuration: &Configuration,
-    diagnosers: Vec<BuiltDiagnoser>,
+    diagnosers: Vec<Designed>,
     speed: f64,
 ) -> Result<Summary, RunError> {
     if !(speed > 0.0 && speed.is_finite()) {
@@ -69,7 +70,7 @@ pub fn run(
 /// Everything between taking the instance and giving it back.
 fn monitor(
     configuration: &Configuration,
-    diagnosers: Vec<BuiltDiagnoser>,
+    diagnosers: Vec<Designed>,
     speed: f64,
     instance: &Instance,
     stop: &AtomicBool,
@@ -105,7 +106,7 @@ fn monitor(
 /// Records and changed counters go into `queue` as well; `stop` ends the loop.
 pub fn step_loop<'a>(
     configuration: &Configuration,
-    diagnosers: Vec<BuiltDiagnoser>,
+    diagnosers: Vec<Designed>,
     speed: f64,
     node: &Node,
     queue: Producer<Message>,

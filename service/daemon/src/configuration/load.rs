@@ -1,12 +1,12 @@
 //! From a file to a configuration, and from a configuration to its diagnosers.
 
 use super::deserialise::{keys_of, read};
-use super::design::DesignedMethod;
 use super::error::{ConfigurationError, Source};
 use super::locate::{Document, Mistakes};
 use super::schema;
 use super::validate::{self, refuse_duplicates};
-use super::{Configuration, DiagnoserConfiguration, InputConfiguration, MethodConfiguration, MethodError};
+use super::{Configuration, DiagnoserConfiguration, InputConfiguration, MethodConfiguration};
+use residual_diagnosis::method::{Designed, Refusal};
 use std::ops::Range;
 use std::path::Path;
 use std::sync::OnceLock;
@@ -20,7 +20,7 @@ pub struct Loaded {
     pub configuration: Configuration,
     pub(super) source: Source,
     /// The off-line design of each diagnoser, from its first construction on.
-    pub(super) designs: OnceLock<Vec<Result<DesignedMethod, MethodError>>>,
+    pub(super) designs: OnceLock<Vec<Result<Designed, Refusal>>>,
 }
 
 impl Configuration {
@@ -190,14 +190,14 @@ fn diagnoser_section(
         return (section, None);
     };
     let before = mistakes.len();
-    let known = [choice, shared, method.keys().as_slice()].concat();
+    let known = [choice, shared, method.keys()].concat();
     for key in entries
         .keys()
         .filter(|key| !known.contains(&key.get_ref().as_ref()))
     {
         mistakes.unknown_key(key.span(), key.get_ref(), &known);
     }
-    let method = method.read(entries, span, path, &all_but(&method.keys()), mistakes);
+    let method = method.read(entries, span, path, &all_but(method.keys()), mistakes);
     // Tables with a mistake are not judged as a whole: what was left out would only look wrong a second time.
     (section, method.filter(|_| mistakes.len() == before))
 }

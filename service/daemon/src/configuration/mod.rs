@@ -7,30 +7,29 @@
 //! | `deserialise`, `refusal`, `locate` | from text to sections, every mistake with its place |
 //! | `validate` | from sections to [`Configuration`] |
 //! | [`load`] | the whole way |
-//! | [`method`], [`design`], [`build`] | the diagnosis methods, their off-line design, and the construction of the diagnosers |
-//! | `parity_design` | what the design of parity tests says to people |
+//! | [`method`], [`build`] | the diagnosis methods, and the construction of the diagnosers |
+//! | `parity_design`, `parity_words` | parity tests of a bank, and what their design says to people |
 //! | `warnings` | what is accepted but deserves a second look |
 //!
 //! `deploy/config/README.md` documents every key, `deploy/config/vtol.toml` is a complete example.
 
 pub mod build;
 mod deserialise;
-pub mod design;
 pub mod error;
 pub mod load;
 mod locate;
 pub mod method;
 mod parity_design;
+mod parity_words;
 mod refusal;
 mod schema;
 mod suggest;
 mod validate;
 mod warnings;
 
-pub use build::BuiltDiagnoser;
 pub use error::{ConfigurationError, Mistake};
 pub use load::Loaded;
-pub use method::{MethodConfiguration, MethodError};
+pub use method::MethodConfiguration;
 
 use residual_shared::names::{Instance, InstanceName};
 use std::path::PathBuf;

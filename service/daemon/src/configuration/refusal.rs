@@ -48,10 +48,7 @@ impl Refusal {
                 did_you_mean(word, known, "possible values"),
             ),
             What::MissingKey(key) => (format!("missing key `{key}`"), format!("add `{key} = ...` here")),
-            What::Value(message) => {
-                let (message, help) = message.split_once("; ").unwrap_or((message, ""));
-                (message.to_owned(), help.to_owned())
-            }
+            What::Value(message) => parts(message),
         }
     }
 }
@@ -140,4 +137,15 @@ fn plain_words(expected: &str) -> &str {
         structure if structure.starts_with("struct ") => "a table",
         other => other,
     }
+}
+
+/// What is wrong and what to do, from a refusal of a method.
+pub(super) fn explain(refusal: &residual_diagnosis::method::Refusal) -> (String, String) {
+    parts(&refusal.message)
+}
+
+/// Messages read "what is wrong; what to do".
+fn parts(message: &str) -> (String, String) {
+    let (message, help) = message.split_once("; ").unwrap_or((message, ""));
+    (message.to_owned(), help.to_owned())
 }

@@ -6,8 +6,9 @@ use residual_shared::sample::SampleHeader;
 use super::mapping::TimedSample;
 use super::records::ReplayRecord;
 use crate::assembly::assemble;
-use crate::configuration::{BuiltDiagnoser, Configuration};
+use crate::configuration::Configuration;
 use crate::runtime::engine::{Engine, RecordSink};
+use residual_diagnosis::method::Designed;
 
 /// The simulated epoch. Any number does as long as no window begins before zero.
 const EPOCH_NS: u64 = 1_000_000_000_000;
@@ -42,7 +43,7 @@ impl<F: FnMut(ReplayRecord)> RecordSink for Collector<F> {
 /// Records are given for the sampling instants from the start of the run to its last sample.
 pub fn replay(
     configuration: &Configuration,
-    diagnosers: Vec<BuiltDiagnoser>,
+    diagnosers: Vec<Designed>,
     samples: &[TimedSample],
     take: impl FnMut(ReplayRecord),
 ) -> Engine {

@@ -38,6 +38,19 @@ pub struct DiagnoserUnit {
     pub command_delay_steps: usize,
 }
 
+impl DiagnoserUnit {
+    /// Lets the inboxes of a diagnoser that goes back to late packets take them.
+    fn open_roll_back_window(&self, inboxes: &mut [Inbox]) {
+        let Some(rules) = &self.diagnoser.description().packets else {
+            return;
+        };
+        let window_ns = (rules.rollback_steps as u64).saturating_mul(self.timing.period_ns);
+        for signal in self.measurements.iter().chain(&self.commands) {
+            inboxes[signal.input].accept_backward(window_ns);
+        }
+    }
+}
+
 /// One input's inbox dimensions.
 #[derive(Clone, Copy, Debug)]
 pub struct InboxOptions {
@@ -81,12 +94,19 @@ impl Engine {
         let timings: Vec<Timing> = diagnosers.iter().map(|unit| unit.timing).collect();
         let inbox =
             |input: &InboxOptions| Inbox::new(input.signal_count, input.buffer_samples, input.max_ahead_ns);
+        let mut inboxes: Vec<Inbox> = inputs.iter().map(inbox).collect();
+        for unit in &diagnosers {
+            unit.open_roll_back_window(&mut inboxes);
+        }
         Self {
             epoch_ns,
             catch_up_limit: u64::from(catch_up_limit),
-            inboxes: inputs.iter().map(inbox).collect(),
             agenda: Agenda::new(epoch_ns, &timings),
-            units: diagnosers.into_iter().map(Unit::new).collect(),
+            units: diagnosers
+                .into_iter()
+                .map(|unit| Unit::new(unit, &inboxes))
+                .collect(),
+            inboxes,
             step_times_ns: step_time_histogram(),
         }
     }
@@ -156,10 +176,16 @@ fn step_time_histogram() -> Histogram<u64> {
 }
 
 impl Unit {
-    fn new(unit: DiagnoserUnit) -> Self {
-        let channel_count = unit.diagnoser.description().channels.len();
+    fn new(unit: DiagnoserUnit, inboxes: &[Inbox]) -> Self {
+        let description = unit.diagnoser.description();
+        let channel_count = description.channels.len();
+        let (measurements, commands) = (&unit.measurements, &unit.commands);
+        let assembler = Assembler::new(measurements, commands, unit.command_delay_steps);
         Self {
-            assembler: Assembler::new(&unit.measurements, &unit.commands, unit.command_delay_steps),
+            assembler: match &description.packets {
+                Some(rules) => assembler.with_packets(rules, measurements, commands, inboxes),
+                None => assembler,
+            },
             diagnoser: unit.diagnoser,
             timing: unit.timing,
             next_step: 0,

@@ -18,8 +18,11 @@ struct LastSequence {
 pub struct Inbox {
     signal_count: usize,
     max_ahead_ns: u64,
-    /// Ring of time stamps, and of `signal_count` elements for each of them.
+    /// How far behind the newest stamp an older one is still taken; 0 without a method that rolls back.
+    rollback_ns: u64,
+    /// Rings of time stamps and numbers, and of `signal_count` elements for each of them, in order of arrival.
     stamps: Vec<u64>,
+    sequences: Vec<u64>,
     elements: Vec<f64>,
     first: usize,
     len: usize,
@@ -38,7 +41,9 @@ impl Inbox {
         Self {
             signal_count,
             max_ahead_ns,
+            rollback_ns: 0,
             stamps: vec![0; capacity],
+            sequences: vec![0; capacity],
             elements: vec![0.0; capacity * signal_count],
             first: 0,
             len: 0,
@@ -47,6 +52,16 @@ impl Inbox {
             handed_until_ns: 0,
             counters: InputCounters::default(),
         }
+    }
+
+    /// Takes samples up to `rollback_ns` behind the newest one as well, for methods that go back to them.
+    pub fn accept_backward(&mut self, rollback_ns: u64) {
+        self.rollback_ns = self.rollback_ns.max(rollback_ns);
+    }
+
+    /// Samples that the inbox keeps.
+    pub fn capacity(&self) -> usize {
+        self.stamps.len()
     }
 
     /// What happened at the door so far.
@@ -66,13 +81,21 @@ impl Inbox {
             &mut self.counters.non_finite
         } else if stamp > now_ns.saturating_add(self.max_ahead_ns) {
             &mut self.counters.too_far_ahead
-        } else if self.newest_stamp_ns.is_some_and(|newest| stamp <= newest) {
+        } else if self.is_backward(stamp) {
             &mut self.counters.backward
         } else {
-            self.keep(stamp, elements);
+            self.keep(header, elements);
             return;
         };
         *rejected += 1;
+    }
+
+    /// Whether a stamp is neither newer than all others nor within the roll-back window.
+    fn is_backward(&self, stamp: u64) -> bool {
+        let window_ns = self.rollback_ns;
+        self.newest_stamp_ns.is_some_and(|newest| {
+            stamp <= newest && (window_ns == 0 || stamp.saturating_add(window_ns) <= newest)
+        })
     }
 
     /// Counts losses and changes of the publisher; false when the sample was seen before.
@@ -84,8 +107,14 @@ impl Inbox {
                     .newest_stamp_ns
                     .is_none_or(|newest| header.timestamp_ns > newest);
                 if sequence == last.sequence || (sequence < last.sequence && !newer_stamp) {
-                    self.counters.duplicate += 1;
-                    return false;
+                    let overtaken = self.rollback_ns > 0 && !self.holds(sequence);
+                    if overtaken {
+                        // It was taken for lost when a later one arrived before it.
+                        self.counters.lost = self.counters.lost.saturating_sub(1);
+                    } else {
+                        self.counters.duplicate += 1;
+                    }
+                    return overtaken;
                 }
                 if sequence < last.sequence {
                     // The driver began to count anew without re-opening its port.
@@ -102,7 +131,18 @@ impl Inbox {
         true
     }
 
-    fn keep(&mut self, stamp: u64, elements: &[f64]) {
+    fn holds(&self, sequence: u64) -> bool {
+        self.places().any(|place| self.sequences[place] == sequence)
+    }
+
+    /// Places of the samples, oldest arrival first.
+    fn places(&self) -> impl DoubleEndedIterator<Item = usize> + use<> {
+        let (first, capacity) = (self.first, self.stamps.len());
+        (0..self.len).map(move |age| (first + age) % capacity)
+    }
+
+    fn keep(&mut self, header: SampleHeader, elements: &[f64]) {
+        let stamp = header.timestamp_ns;
         let capacity = self.stamps.len();
         if self.len == capacity {
             if self.stamps[self.first] > self.handed_until_ns {
@@ -113,9 +153,10 @@ impl Inbox {
         }
         let place = (self.first + self.len) % capacity;
         self.stamps[place] = stamp;
+        self.sequences[place] = header.sequence;
         self.elements[place * self.signal_count..][..self.signal_count].copy_from_slice(elements);
         self.len += 1;
-        self.newest_stamp_ns = Some(stamp);
+        self.newest_stamp_ns = self.newest_stamp_ns.max(Some(stamp));
         self.counters.accepted += 1;
         if stamp <= self.handed_until_ns {
             self.counters.late += 1;
@@ -126,13 +167,43 @@ impl Inbox {
     /// that arrive later for that instant will count as late.
     pub fn hand_out(&mut self, after_ns: u64, until_ns: u64) -> Option<&[f64]> {
         self.handed_until_ns = self.handed_until_ns.max(until_ns);
-        let capacity = self.stamps.len();
-        let place = (0..self.len)
+        let mut due = self
+            .places()
             .rev()
-            .map(|age| (self.first + age) % capacity)
-            .find(|&place| self.stamps[place] <= until_ns)?;
+            .filter(|&place| self.stamps[place] <= until_ns);
+        let place = match self.rollback_ns {
+            0 => due.next(),
+            _ => due.max_by_key(|&place| self.stamps[place]),
+        }?;
         let fresh = self.stamps[place] > after_ns;
         fresh.then(|| &self.elements[place * self.signal_count..][..self.signal_count])
+    }
+
+    /// The packets for the sampling instant `until_ns` of a diagnoser whose last one was `after_ns`: those stamped
+    /// in between, and older ones that arrived late, after the diagnoser had seen `seen` accepted samples.
+    pub fn packets(
+        &self,
+        after_ns: u64,
+        until_ns: u64,
+        seen: u64,
+    ) -> impl Iterator<Item = (SampleHeader, &[f64])> {
+        let first_arrival = self.counters.accepted - self.len as u64;
+        (first_arrival..)
+            .zip(self.places())
+            .filter(move |&(arrival, place)| {
+                let stamp = self.stamps[place];
+                stamp <= until_ns && (stamp > after_ns || arrival >= seen)
+            })
+            .map(|(_, place)| {
+                let header = SampleHeader {
+                    sequence: self.sequences[place],
+                    timestamp_ns: self.stamps[place],
+                };
+                (
+                    header,
+                    &self.elements[place * self.signal_count..][..self.signal_count],
+                )
+            })
     }
 }
 
@@ -268,5 +339,45 @@ mod tests {
         assert_eq!(inbox.counters().overwritten, 1);
         assert_eq!(inbox.hand_out(11, 12), None);
         assert_eq!(inbox.hand_out(12, 13), Some(&[3.0, 0.0][..]));
+    }
+
+    #[test]
+    fn overtaken_samples_are_taken_within_the_roll_back_window_only() {
+        let mut inbox = inbox();
+        inbox.accept_backward(15);
+        for (sequence, stamp) in [(0, 10), (2, 30), (1, 20), (1, 20), (5, 60), (4, 50), (3, 40)] {
+            send(&mut inbox, sequence, stamp, &[stamp as f64, 0.0]);
+        }
+        let counters = inbox.counters();
+        assert_eq!(
+            (counters.accepted, counters.duplicate, counters.backward),
+            (5, 1, 1)
+        );
+        // Number 3 was rejected, so that only number 1 and 4 had been taken for lost wrongly.
+        assert_eq!((counters.gaps, counters.lost), (2, 0));
+        assert_eq!(inbox.hand_out(0, 55), Some(&[50.0, 0.0][..]));
+    }
+
+    #[test]
+    fn packets_are_handed_out_once_and_late_ones_with_the_next_instant() {
+        let mut inbox = inbox();
+        inbox.accept_backward(100);
+        let numbers = |inbox: &Inbox, after, until, seen| -> Vec<u64> {
+            inbox
+                .packets(after, until, seen)
+                .map(|(header, _)| header.sequence)
+                .collect()
+        };
+        send(&mut inbox, 0, 5, &[0.0; 2]);
+        send(&mut inbox, 1, 8, &[0.0; 2]);
+        send(&mut inbox, 3, 12, &[0.0; 2]);
+        assert_eq!(numbers(&inbox, 0, 10, 0), [0, 1]);
+        let seen = inbox.counters().accepted;
+        send(&mut inbox, 2, 9, &[0.0; 2]);
+        assert_eq!(numbers(&inbox, 10, 20, seen), [3, 2]);
+        assert_eq!(
+            numbers(&inbox, 20, 30, inbox.counters().accepted),
+            Vec::<u64>::new()
+        );
     }
 }

@@ -22,9 +22,11 @@ pub use options::{Discretisation, ModelOptions, Time};
 
 use crate::decomposition::SingularDecomposition;
 use crate::discretise::{self, Dynamics};
+use crate::method::Refusal;
 use nalgebra::{DMatrix, DVector};
 use residual_shared::record::MAX_FAULTS;
 use serde::Serialize;
+use std::collections::HashSet;
 use validate::{bounds, labels, matrix, names, non_negative, require_columns, require_rows, vector};
 
 /// A box: every coordinate between its lower and its upper bound.
@@ -333,3 +335,31 @@ fn initial_state(options: &ModelOptions, nx: usize) -> Result<Option<InitialStat
 
 #[cfg(test)]
 mod tests;
+
+/// Fills in names and units, where a model states none, with those of the signals (name, unit); names only if
+/// they are unique.
+pub fn adopt_labels(
+    signals: &[(String, String)],
+    names: &mut Option<Vec<String>>,
+    units: &mut Option<Vec<String>>,
+) {
+    let distinct: HashSet<_> = signals.iter().map(|(name, _)| name).collect();
+    if distinct.len() == signals.len() {
+        names.get_or_insert_with(|| signals.iter().map(|(name, _)| name.clone()).collect());
+    }
+    units.get_or_insert_with(|| signals.iter().map(|(_, unit)| unit.clone()).collect());
+}
+
+impl From<ModelError> for Refusal {
+    fn from(error: ModelError) -> Self {
+        let key = match &error {
+            ModelError::RaggedRows { key, row, .. } => format!("{key}.{row}"),
+            ModelError::LowerAboveUpper { key, index, .. } | ModelError::EmptyName { key, index } => {
+                format!("{key}.{index}")
+            }
+            ModelError::MissingPartner { present, .. } => (*present).to_owned(),
+            other => other.key(),
+        };
+        Self::new(key, &error)
+    }
+}

@@ -328,8 +328,11 @@ impl Diagnoser for UnknownInputFilterBank {
     fn reset(&mut self) {
         self.state.started = false;
         self.state.command.fill(f64::NAN);
-        self.state.sets.iter_mut().for_each(SetState::set_void);
-        self.state.windows.iter_mut().for_each(ParityWindow::restart);
+        for set in &mut self.state.sets {
+            set.set_void();
+            set.covariance.fill(0.0);
+        }
+        self.state.windows.iter_mut().for_each(ParityWindow::reset);
         self.state.falsified.fill(false);
         self.state.quiet = 0;
         self.forget_outcomes();

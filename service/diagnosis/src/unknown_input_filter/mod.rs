@@ -32,6 +32,7 @@ mod prediction;
 mod reset;
 mod state;
 mod strip_reset;
+pub mod tables;
 mod workspace;
 
 pub use bank::UnknownInputFilterBank;

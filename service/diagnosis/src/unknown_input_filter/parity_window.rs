@@ -116,6 +116,15 @@ impl ParityWindow {
         self.newest_measured = false;
     }
 
+    /// Returns to the window right after construction.
+    pub(super) fn reset(&mut self) {
+        self.restart();
+        self.newest = 0;
+        for rows in [&mut self.measurements, &mut self.commands, &mut self.state_bounds] {
+            rows.values.fill(0.0);
+        }
+    }
+
     /// Number of complete transitions up to the newest sample.
     pub fn complete_transitions(&self) -> usize {
         self.complete.saturating_sub(1)

@@ -3,6 +3,7 @@
 use super::quantity::{duration_ns, period_ns};
 use super::{check_name, refuse_duplicates};
 use crate::configuration::locate::Mistakes;
+use crate::configuration::refusal::explain;
 use crate::configuration::schema::Diagnoser;
 use crate::configuration::suggest::did_you_mean;
 use crate::configuration::{
@@ -62,9 +63,10 @@ pub(in crate::configuration) fn diagnoser(
     if counts_agree {
         method.name_signals(&labels(&measurements, inputs), &labels(&commands, inputs));
         if let Some(period_ns) = period_ns
-            && let Err(error) = method.validate(period_ns as f64 * 1e-9)
+            && let Err(refusal) = method.validate(period_ns as f64 * 1e-9)
         {
-            mistakes.at(&at(&error.key), error.message, error.help);
+            let (message, help) = explain(&refusal);
+            mistakes.at(&at(&refusal.key), message, help);
         }
     }
     Some(DiagnoserConfiguration {
