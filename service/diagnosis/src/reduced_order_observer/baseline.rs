@@ -209,8 +209,7 @@ impl BaselineObserver {
                 evaluated: *valid,
                 residual: if *valid { y - z1 } else { 0.0 },
                 centre: *centre,
-                half_width: *radius,
-                tolerance: self.tolerance * (1.0 + y.abs() + z1.abs()),
+                half_width: radius + self.tolerance * (1.0 + y.abs() + z1.abs()),
             };
         }
     }

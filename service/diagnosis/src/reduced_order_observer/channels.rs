@@ -1,8 +1,9 @@
 //! Names and units of the channels of a record (method sheet 4).
 //!
 //! `output_i`, `direction_l` (the other rows of W), `output_excess` (r of the paper's equation (18): above 0 when an
-//! output leaves its bounds), `member_i_l` (row l of the member of actuator i), `fault_estimate_i` (of the fault one
-//! sample ago). Everything counts from 0.
+//! output leaves its bounds), `member_i_l` (row l of the member of actuator i), `estimator_i` (the row whose residual
+//! is the fault of actuator i, against its interval without a fault), `fault_estimate_i` (that fault, one sample ago,
+//! with its interval; for information). Everything counts from 0.
 
 use residual_shared::record::MAX_CHANNELS;
 
@@ -35,6 +36,12 @@ pub(super) fn describe(design: &Design) -> Result<Vec<ChannelDescription>, Const
         for l in 0..member.tests.nrows() {
             add(format!("member_{actuator}_{l}"), common);
         }
+    }
+    for (actuator, _) in with_actuator(&design.isolation.estimators) {
+        add(
+            format!("estimator_{actuator}"),
+            entry(&model.actuator_units, actuator),
+        );
     }
     for (actuator, _) in with_actuator(&design.isolation.estimators) {
         add(

@@ -215,7 +215,7 @@ impl Filter {
                     row.evaluated &= *w == 0.0;
                 }
             }
-            row.tolerance = self.rounding_tolerance * size;
+            row.half_width += self.rounding_tolerance * size;
             if !image.is_empty() {
                 combination(image, w, &state.generators);
                 row.half_width += absolute_sum(image);

@@ -337,36 +337,29 @@ impl ReducedOrderObserver {
             }
             next += 1;
         };
-        let mut rows = self.rows.iter();
-        rows.next()
-            .into_iter()
-            .flatten()
-            .for_each(|row| put(row.channel()));
+        let (main, others) = (self.rows.iter().take(1), self.rows.iter().skip(1));
+        main.flatten().for_each(|row| put(row.channel()));
         put(output_excess(self.hull().copied()));
-        rows.by_ref()
-            .take(self.members)
-            .flatten()
-            .for_each(|row| put(row.channel()));
-        rows.flatten().for_each(|row| put(row.estimate_channel()));
-        let (estimate, half_width) = self.isolated_estimate().unwrap_or((f64::NAN, f64::NAN));
-        record.fault_estimate = estimate;
-        record.fault_estimate_half_width = half_width;
+        others.flatten().for_each(|row| put(row.channel()));
+        let mut own = None;
+        let isolated = self.episodes.isolated(&self.state.episode);
+        for (actuator, estimate) in self.estimates() {
+            put(estimate.map_or(Channel::NOT_EVALUATED, |row| row.estimate_channel()));
+            own = own.or(estimate.filter(|row| row.evaluated && isolated == Some(actuator)));
+        }
+        record.fault_estimate = own.map_or(f64::NAN, |row| row.estimate());
+        record.fault_estimate_half_width = own.map_or(f64::NAN, |row| row.half_width);
     }
 
-    /// Estimate of the isolated fault, and its half width if that is guaranteed.
-    fn isolated_estimate(&self) -> Option<(f64, f64)> {
-        let isolated = self.episodes.isolated(&self.state.episode)?;
-        let estimators = self
-            .filters
-            .iter()
-            .zip(&self.rows)
-            .zip(&self.state.filters)
-            .skip(1 + self.members);
-        let mut own = estimators.filter(|((filter, _), _)| filter.actuator == Some(isolated));
-        let ((_, rows), state) = own.next()?;
-        let row = rows.first().filter(|row| row.evaluated)?;
-        let guaranteed = state.unguaranteed == 0;
-        Some((row.estimate(), if guaranteed { row.half_width } else { f64::NAN }))
+    /// The row of every estimator with its actuator; none while its interval is not guaranteed.
+    fn estimates(&self) -> impl Iterator<Item = (usize, Option<TestRow>)> {
+        let estimators = self.filters.iter().zip(&self.rows).zip(&self.state.filters);
+        estimators
+            .skip(1 + self.members)
+            .filter_map(|((filter, rows), state)| {
+                let row = rows.first().copied().filter(|_| state.unguaranteed == 0);
+                Some((filter.actuator?, row))
+            })
     }
 }
 

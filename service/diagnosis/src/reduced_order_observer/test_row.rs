@@ -11,25 +11,23 @@ pub(super) struct TestRow {
     pub residual: f64,
     /// γ = w'c.
     pub centre: f64,
-    /// h.
+    /// h and what rounding may add.
     pub half_width: f64,
-    /// What rounding may add.
-    pub tolerance: f64,
 }
 
 impl TestRow {
     /// Whether the residual is outside.
     pub fn alarm(&self) -> bool {
-        self.evaluated && !((self.residual - self.centre).abs() <= self.half_width + self.tolerance)
+        self.evaluated && !((self.residual - self.centre).abs() <= self.half_width)
     }
 
-    /// |w'e - γ| / (h + tolerance): above 1 exactly if [`Self::alarm`].
+    /// |w'e - γ| / h: above 1 exactly if [`Self::alarm`].
     pub fn ratio(&self) -> f64 {
         let distance = (self.residual - self.centre).abs();
         if distance == 0.0 {
             0.0
         } else {
-            distance / (self.half_width + self.tolerance)
+            distance / self.half_width
         }
     }
 
@@ -40,29 +38,28 @@ impl TestRow {
 
     /// (γ - h, w'e, γ + h).
     pub fn channel(&self) -> Channel {
-        self.channel_of(self.centre, self.residual)
-    }
-
-    /// The interval of the fault that an estimator's row sees: w'e - γ ± h, in alarm if 0 is outside.
-    pub fn estimate_channel(&self) -> Channel {
-        let estimate = self.estimate();
-        self.channel_of(estimate, estimate)
-    }
-
-    /// The centre of that interval.
-    pub fn estimate(&self) -> f64 {
-        self.residual - self.centre
-    }
-
-    fn channel_of(&self, middle: f64, residual: f64) -> Channel {
         if !self.evaluated {
             return Channel::NOT_EVALUATED;
         }
         Channel {
-            lower: middle - self.half_width,
-            residual,
-            upper: middle + self.half_width,
+            lower: self.centre - self.half_width,
+            residual: self.residual,
+            upper: self.centre + self.half_width,
             ratio: self.ratio(),
+        }
+    }
+
+    /// The fault that an estimator's row sees: w'e - γ.
+    pub fn estimate(&self) -> f64 {
+        self.residual - self.centre
+    }
+
+    /// The interval of that fault; for information, the row itself is the test.
+    pub fn estimate_channel(&self) -> Channel {
+        if self.evaluated {
+            Channel::estimate(self.estimate(), self.half_width)
+        } else {
+            Channel::NOT_EVALUATED
         }
     }
 }
