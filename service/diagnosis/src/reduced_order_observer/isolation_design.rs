@@ -37,7 +37,9 @@ pub fn design_isolation(plant: &Plant, options: &ReducedOrderObserverOptions) ->
         let own = plant.b.columns(actuator, 1).into_owned();
         // A member needs an output more than its unknown inputs, an estimator as many.
         for (spare, kind) in [(1, "member"), (0, "estimator")] {
-            if kind == "estimator" && !isolation.fault_estimate {
+            // With one actuator there is nothing to isolate.
+            let wanted = if spare == 1 { plant.actuators() > 1 } else { isolation.fault_estimate };
+            if !wanted {
                 continue;
             }
             let attempt = |with_disturbances: bool| {
