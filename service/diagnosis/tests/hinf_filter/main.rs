@@ -7,3 +7,9 @@
 mod support;
 
 mod kernels;
+mod paper;
+mod paper_facts;
+mod paper_runs;
+mod sampled;
+mod theorem_1;
+mod vehicle;
