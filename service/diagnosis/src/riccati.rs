@@ -17,7 +17,7 @@ const ROUNDS: usize = 60;
 const CONVERGED: f64 = 1e-15;
 /// Largest relative residual of an accepted solution.
 const RESIDUAL: f64 = 1e-8;
-/// R counts as singular above this condition number.
+/// R counts as singular above this condition number of its correlation matrix.
 const CONDITION: f64 = 1e12;
 
 /// The stabilising solution.
@@ -200,11 +200,20 @@ fn cayley(ab: &DMatrix<f64>, g: &DMatrix<f64>, qb: &DMatrix<f64>) -> Option<Doub
 }
 
 fn inverse_of_noise(r: &DMatrix<f64>) -> Result<DMatrix<f64>, RiccatiError> {
-    let values = crate::decomposition::SingularDecomposition::new(r);
+    // Scaled to a unit diagonal, so that the units of the outputs do not matter.
+    let scale = r.diagonal().map(|variance| variance.max(0.0).sqrt());
+    let scaled = DMatrix::from_fn(r.nrows(), r.ncols(), |i, j| r[(i, j)] / (scale[i] * scale[j]));
+    if scaled.iter().any(|entry| !entry.is_finite()) {
+        return Err(RiccatiError::SingularNoise {
+            condition: f64::INFINITY,
+        });
+    }
+    let values = crate::decomposition::SingularDecomposition::new(&scaled);
     let condition = values.largest() / values.smallest();
-    let inverse = r.clone().try_inverse();
-    match inverse {
-        Some(inverse) if condition <= CONDITION => Ok(inverse),
+    match scaled.try_inverse() {
+        Some(inverse) if condition <= CONDITION => Ok(DMatrix::from_fn(r.nrows(), r.ncols(), |i, j| {
+            inverse[(i, j)] / (scale[i] * scale[j])
+        })),
         _ => Err(RiccatiError::SingularNoise { condition }),
     }
 }

@@ -1,7 +1,7 @@
 //! Where the level searches look first, and where a level is crossed.
 
 use super::system::System;
-use crate::decomposition::eigenvalues;
+use crate::decomposition::{balanced, eigenvalues};
 use nalgebra::{Complex, DMatrix, DVector};
 
 /// Logarithmically spaced frequencies of the first look.
@@ -65,7 +65,7 @@ pub(super) fn crossings(system: &System, level: f64) -> Option<Vec<f64>> {
     if hamiltonian.iter().any(|value| !value.is_finite()) {
         return None;
     }
-    let values = robust_eigenvalues(&hamiltonian)?;
+    let values = robust_eigenvalues(&balanced(&hamiltonian))?;
     let largest = values.iter().fold(0.0, |most, value| value.norm().max(most));
     let mut found: Vec<f64> = values
         .iter()
