@@ -13,7 +13,7 @@ use residual_shared::sample::SampleHeader;
 use residual_shared::transport;
 use residuald::commands::run::step_loop;
 use residuald::configuration::Configuration;
-use residuald::demo::plant::{Aircraft, Disturbance};
+use residuald::demo::plants::aircraft::{Aircraft, Disturbance};
 use residuald::runtime::companion::Message;
 use support::publisher::Drivers;
 use support::{PERIOD_NS, Stage};

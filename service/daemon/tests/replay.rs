@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use residuald::demo::plant::{Aircraft, Disturbance};
+use residuald::demo::plants::aircraft::{Aircraft, Disturbance};
 use support::Stage;
 use support::daemon::{Daemon, Finished, finish, program};
 use toml::Value;

@@ -1,30 +1,28 @@
-//! The client process of the demonstration: polls the bounds table and shows what it reads.
+//! The client process of the demonstration: polls the bounds table, shows and reports what it reads.
 //!
 //! It is an ordinary client: it needs read permission for the table and nothing else.
 
 use std::io::{self, Write};
 use std::time::Duration;
 
-use residual_client::{Monitor, MonitorError};
+use residual_client::{Followed, Monitor, MonitorError};
 use residual_shared::bounds_table::{OpenError, SlotSpec};
 use residual_shared::clock::monotonic_ns;
-use residual_shared::record::{Channel, StepRecord, Verdict, flags};
+use residual_shared::record::{StepRecord, Verdict, flags};
 use serde::{Deserialize, Serialize};
 
 use super::Part;
-use super::plant::{FIRST_FAULTY_TRANSITION, PERIOD_NS, STEPS};
+use super::scenario::{self, Expectation, Scenario};
+use super::view;
 
-/// The diagnoser of the embedded configuration.
-const DIAGNOSER: &str = "aircraft_actuators";
-
-/// Time between two polls: a tenth of the sampling period, so that no record is overwritten unread.
-const POLL: Duration = Duration::from_millis(1);
+/// Time between two polls: a tenth of the shortest sampling period, so that no record is overwritten unread.
+const POLL: Duration = Duration::from_micros(500);
 
 /// How long after the last expected record the client gives up.
 const PATIENCE_NS: u64 = 2_000_000_000;
 
-/// Every how many records the channels are shown while nothing happens.
-const SHOW_EVERY: u64 = 50;
+/// How often a diagnoser is shown while nothing happens, nanoseconds of the daemon's time.
+const SHOW_EVERY_NS: u64 = 1_000_000_000;
 
 /// Why polling failed.
 #[derive(Debug, thiserror::Error)]
@@ -40,229 +38,149 @@ pub enum ClientError {
     Write(#[from] io::Error),
 }
 
-/// What the client saw.
+/// What the client saw of one diagnoser. Times are nanoseconds since the start of the scenario.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct ClientReport {
+pub struct Seen {
+    /// The diagnoser.
+    pub diagnoser: String,
+    /// Its sampling period, nanoseconds.
+    pub period_ns: u64,
     /// Records read.
     pub records: u64,
     /// Records overwritten before they were read.
     pub missed: u64,
-    /// Records with an alarm before the fault could be seen, or of the filter that ignores the faulty actuator.
+    /// Records with an alarm before the fault could be seen.
     pub false_alarms: u64,
-    /// The first alarm.
-    pub first_alarm: Option<Alarm>,
-    /// The first isolation.
-    pub isolated: Option<Isolation>,
+    /// The first alarm since then, and the channels that showed it.
+    pub detected: Option<(u64, Vec<String>)>,
+    /// The first isolation since then, and the faults isolated.
+    pub isolated: Option<(u64, Vec<String>)>,
+    /// The last estimate of the isolated fault and its half width.
+    pub estimate: Option<(f64, f64)>,
 }
 
-/// An alarm.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Alarm {
-    /// The measurement y_k that caused it.
-    pub k: u64,
-    /// The filters that alarmed.
-    pub by: String,
-}
+/// Begins the line that carries the report, a list of [`Seen`].
+pub const REPORT: &str = "report ";
 
-/// An isolation.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Isolation {
-    /// The measurement y_k that decided it.
-    pub k: u64,
-    /// Bit j: actuator j + 1.
-    pub actuators: u64,
-    /// Names of those actuators.
-    pub names: String,
-}
-
-impl ClientReport {
-    /// Begins the line that carries the report.
-    pub const PREFIX: &str = "report ";
-}
-
-/// Polls until the last record of the case, shows bounds on the way, and ends with the report.
+/// Polls until the last record of every scenario, shows records on the way, and ends with the report.
 pub fn execute(part: &Part, output: &mut impl Write) -> Result<(), ClientError> {
-    let instance = part.instance();
-    let mut monitor = Monitor::open(&instance)?;
-    let followed = monitor.follow(DIAGNOSER)?;
-    let slot = monitor.table().and_then(|table| {
-        table
-            .directory()
-            .spec
-            .slots
-            .iter()
-            .find(|slot| slot.name == DIAGNOSER)
-            .cloned()
-    });
-    let mut viewer = Viewer {
-        slot: slot.unwrap_or_else(no_slot),
-        report: ClientReport::default(),
-        part,
-    };
-    let mut record = StepRecord::new(0);
-    let mut last_number = None;
-    let end_ns = part.start_ns + STEPS * PERIOD_NS;
-    while monotonic_ns() < end_ns + PATIENCE_NS {
-        std::thread::sleep(POLL);
-        let reading = monitor.read_followed(followed, &mut record)?;
-        if reading.number == 0 || last_number == Some(reading.number) || record.instant_ns < part.start_ns {
-            continue;
-        }
-        viewer.report.missed += last_number.map_or(0, |last: u64| reading.number.saturating_sub(last + 1));
-        last_number = Some(reading.number);
-        viewer.take(&record, output)?;
-        if record.instant_ns >= end_ns {
-            break;
+    let mut monitor = Monitor::open(&part.instance())?;
+    let time = monitor.table().map(|table| table.directory().spec.time);
+    let scenarios = part.scenarios.iter().filter_map(|name| scenario::named(name));
+    let mut viewers = Vec::new();
+    for scenario in scenarios {
+        for expectation in scenario.expectations {
+            let followed = monitor.follow(expectation.diagnoser)?;
+            let slots = monitor.table().map(|table| &table.directory().spec.slots);
+            let slot = slots.and_then(|slots| slots.iter().find(|slot| slot.name == expectation.diagnoser));
+            viewers.extend(
+                slot.map(|slot| Viewer::new(followed, slot.clone(), scenario, expectation, part.start_ns)),
+            );
         }
     }
-    let report = serde_json::to_string(&viewer.report).map_err(io::Error::other)?;
-    writeln!(output, "{}{report}", ClientReport::PREFIX)?;
+    let end_ns = viewers
+        .iter()
+        .map(|viewer| viewer.end_ns)
+        .max()
+        .unwrap_or(part.start_ns);
+    let limit_ns = time.map_or(0, |time| time.to_monotonic(end_ns)) + PATIENCE_NS;
+    let mut record = StepRecord::new(0);
+    while monotonic_ns() < limit_ns && viewers.iter().any(|viewer| !viewer.finished) {
+        std::thread::sleep(POLL);
+        for viewer in &mut viewers {
+            let number = monitor.read_followed(viewer.followed, &mut record)?.number;
+            viewer.take(number, &record, output)?;
+        }
+    }
+    let report: Vec<Seen> = viewers.into_iter().map(|viewer| viewer.seen).collect();
+    let report = serde_json::to_string(&report).map_err(io::Error::other)?;
+    writeln!(output, "{REPORT}{report}")?;
     Ok(())
 }
 
-/// Stands in when the daemon has no such diagnoser; following it has failed then already.
-fn no_slot() -> SlotSpec {
-    SlotSpec {
-        name: String::new(),
-        method: String::new(),
-        period_ns: PERIOD_NS,
-        phase_ns: 0,
-        margin_ns: 0,
-        channels: Vec::new(),
-        faults: Vec::new(),
-    }
-}
-
-struct Viewer<'a> {
+/// Follows one diagnoser.
+struct Viewer {
+    followed: Followed,
     slot: SlotSpec,
-    report: ClientReport,
-    part: &'a Part,
+    start_ns: u64,
+    onset_ns: u64,
+    end_ns: u64,
+    last_number: u64,
+    next_shown_ns: u64,
+    finished: bool,
+    seen: Seen,
 }
 
-/// A filter of the bank by the prefix of its channels.
-struct Filter {
-    prefix: &'static str,
-    title: &'static str,
-    /// The actuator (from 0) whose faults the filter ignores.
-    ignores: Option<u8>,
-}
-
-/// The filters of the bank, counted from 1 as in the paper.
-const FILTERS: [Filter; 3] = [
-    Filter {
-        prefix: "mode_fault_free_",
-        title: "fault-free filter",
-        ignores: None,
-    },
-    Filter {
-        prefix: "mode_0_",
-        title: "filter 1",
-        ignores: Some(0),
-    },
-    Filter {
-        prefix: "mode_1_",
-        title: "filter 2",
-        ignores: Some(1),
-    },
-];
-
-impl Viewer<'_> {
-    fn take(&mut self, record: &StepRecord, output: &mut impl Write) -> io::Result<()> {
-        let k = (record.instant_ns - self.part.start_ns) / PERIOD_NS;
-        self.report.records += 1;
-        let alarming: Vec<&Filter> = FILTERS
-            .iter()
-            .filter(|filter| self.alarms(filter, record))
-            .collect();
-        let faulty = self.part.case - 1;
-        let impossible = alarming.iter().any(|filter| filter.ignores == Some(faulty));
-        let alarm = record.flags & flags::ALARM_NOW != 0;
-        self.report.false_alarms += u64::from(alarm && (k <= FIRST_FAULTY_TRANSITION || impossible));
-
-        let mut show = k.is_multiple_of(SHOW_EVERY);
-        if alarm && self.report.first_alarm.is_none() {
-            let by = alarming
-                .iter()
-                .rev()
-                .map(|filter| filter.title)
-                .collect::<Vec<_>>()
-                .join(" and ");
-            self.report.first_alarm = Some(Alarm { k, by });
-            show = true;
-        }
-        if record.verdict() == Verdict::Isolated && self.report.isolated.is_none() {
-            let names = self.slot.faults.iter().enumerate();
-            let names = names.filter(|(bit, _)| record.certainly_faulty >> bit & 1 == 1);
-            let names = names.map(|(_, name)| name.as_str()).collect::<Vec<_>>().join("+");
-            self.report.isolated = Some(Isolation {
-                k,
-                actuators: record.certainly_faulty,
-                names,
-            });
-            show = true;
-        }
-        if show {
-            self.show(k, record, output)
-        } else {
-            Ok(())
+impl Viewer {
+    fn new(
+        followed: Followed,
+        slot: SlotSpec,
+        scenario: &Scenario,
+        expectation: &Expectation,
+        start_ns: u64,
+    ) -> Self {
+        let after_start = |seconds: f64| start_ns + (seconds * 1e9).round() as u64;
+        Self {
+            followed,
+            start_ns,
+            onset_ns: after_start(expectation.onset_s),
+            end_ns: after_start(scenario.duration_s),
+            last_number: 0,
+            next_shown_ns: start_ns,
+            finished: false,
+            seen: Seen {
+                diagnoser: slot.name.clone(),
+                period_ns: slot.period_ns,
+                ..Seen::default()
+            },
+            slot,
         }
     }
 
-    fn alarms(&self, filter: &Filter, record: &StepRecord) -> bool {
-        self.rows(filter, record).any(|(_, channel)| channel.ratio > 1.0)
-    }
-
-    /// The rows of one filter that were tested at this instant.
-    fn rows<'a>(
-        &'a self,
-        filter: &'a Filter,
-        record: &'a StepRecord,
-    ) -> impl Iterator<Item = (&'a str, &'a Channel)> {
-        self.slot
-            .channels
-            .iter()
-            .zip(record.channels())
-            .filter_map(|(description, channel)| {
-                let row = description.name.strip_prefix(filter.prefix)?;
-                (channel.is_evaluated() && !row.starts_with("fault_estimate")).then_some((row, channel))
-            })
-    }
-
-    fn show(&self, k: u64, record: &StepRecord, output: &mut impl Write) -> io::Result<()> {
-        let t = k as f64 * PERIOD_NS as f64 * 1e-9;
-        writeln!(output, "k = {k:3}  t = {t:.2} s  {}", record.verdict().name())?;
-        for filter in &FILTERS {
-            write!(output, "  {:18}", filter.title)?;
-            let (windows, rows): (Vec<_>, Vec<_>) = self
-                .rows(filter, record)
-                .partition(|(name, _)| name.starts_with("parity_"));
-            for (name, channel) in rows {
-                let mark = if channel.ratio > 1.0 { '!' } else { ' ' };
-                let name = paper_name(name);
-                write!(
-                    output,
-                    " {name} {:+.3} in ±{:.3}{mark}",
-                    channel.residual, channel.upper
-                )?;
-            }
-            // The tests over several samples have no unit that says much: the one closest to its bound stands for all.
-            if let Some(ratio) = windows.iter().map(|(_, channel)| channel.ratio).reduce(f64::max) {
-                let mark = if ratio > 1.0 { '!' } else { ' ' };
-                write!(output, " windows {:3.0} % of bound{mark}", 100.0 * ratio)?;
-            }
-            writeln!(output)?;
+    /// Takes the record with this number, unless it was seen before.
+    fn take(&mut self, number: u64, record: &StepRecord, output: &mut impl Write) -> io::Result<()> {
+        if number == 0 || number == self.last_number || record.instant_ns < self.start_ns || self.finished {
+            return Ok(());
+        }
+        if self.last_number > 0 {
+            self.seen.missed += number.saturating_sub(self.last_number + 1);
+        }
+        self.last_number = number;
+        self.seen.records += 1;
+        self.finished = record.instant_ns + self.slot.period_ns > self.end_ns;
+        let news = self.note(record);
+        if news || record.instant_ns >= self.next_shown_ns {
+            self.next_shown_ns = record.instant_ns + SHOW_EVERY_NS;
+            let since_start_ns = record.instant_ns - self.start_ns;
+            writeln!(output, "{}", view::line(&self.slot, since_start_ns, record))?;
         }
         Ok(())
     }
-}
 
-/// The short name of a row, outputs and actuators counted from 1 as in the paper: `y1`, `m2`.
-fn paper_name(row: &str) -> String {
-    let short = |prefix, letter| {
-        let number: u32 = row.strip_prefix(prefix)?.parse().ok()?;
-        Some(format!("{letter}{}", number + 1))
-    };
-    short("output_", 'y')
-        .or_else(|| short("matched_", 'm'))
-        .unwrap_or_else(|| row.into())
+    /// Notes alarms and isolations; true if the record has something new.
+    fn note(&mut self, record: &StepRecord) -> bool {
+        let since_start_ns = record.instant_ns - self.start_ns;
+        let alarm = record.flags & flags::ALARM_NOW != 0;
+        if record.instant_ns < self.onset_ns {
+            self.seen.false_alarms += u64::from(alarm);
+            return alarm;
+        }
+        let mut news = false;
+        let isolated = record.verdict() == Verdict::Isolated;
+        if (alarm || isolated) && self.seen.detected.is_none() {
+            self.seen.detected = Some((since_start_ns, view::violated(&self.slot, record)));
+            news = true;
+        }
+        if isolated {
+            if self.seen.isolated.is_none() {
+                self.seen.isolated =
+                    Some((since_start_ns, view::faults(&self.slot, record.certainly_faulty)));
+                news = true;
+            }
+            if record.fault_estimate.is_finite() {
+                self.seen.estimate = Some((record.fault_estimate, record.fault_estimate_half_width));
+            }
+        }
+        news
+    }
 }

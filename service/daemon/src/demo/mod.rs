@@ -2,10 +2,13 @@
 //!
 //! | module | process | what |
 //! |---|---|---|
-//! | [`plant`] | publisher | the aircraft of the paper's example |
-//! | [`publisher`] | publisher | simulates it and publishes at 100 Hz |
-//! | [`client`] | client | polls the bounds table and shows what it reads |
-//! | [`conductor`] | the one that was started | starts the three, injects a fault, judges the result |
+//! | [`scenario`] | all | which examples there are, and what each must show |
+//! | [`plants`] | publisher | the simulated plants with their sensors |
+//! | [`publisher`] | publisher | publishes what the sensors of the chosen scenarios say, each at its time |
+//! | [`client`], [`view`] | client | polls the bounds table, shows what it reads, reports alarms and isolations |
+//! | [`conductor`], [`stage`] | the one that was started | starts the three and waits for them |
+//! | [`composition`] | the one that was started | one configuration out of those of the chosen scenarios |
+//! | [`judge`] | the one that was started | compares what was seen with what must be, prints the summary |
 
 use std::path::PathBuf;
 
@@ -13,9 +16,14 @@ use clap::Args;
 use residual_shared::names::{Instance, InstanceName};
 
 pub mod client;
+pub mod composition;
 pub mod conductor;
-pub mod plant;
+pub mod judge;
+pub mod plants;
 pub mod publisher;
+pub mod scenario;
+pub mod stage;
+pub mod view;
 
 /// Where and when a process of the demonstration plays its part.
 #[derive(Clone, Debug, Args)]
@@ -26,10 +34,10 @@ pub struct Part {
     /// Runtime directory of the instance.
     #[arg(long)]
     pub runtime_directory: PathBuf,
-    /// Which actuator fails: 1 or 2.
-    #[arg(long)]
-    pub case: u8,
-    /// Moment of the measurement y_0, CLOCK_MONOTONIC nanoseconds.
+    /// The scenarios that are shown at the same time.
+    #[arg(long = "scenario", required = true)]
+    pub scenarios: Vec<String>,
+    /// Moment at which all plants start, nanoseconds of the daemon's time.
     #[arg(long)]
     pub start_ns: u64,
 }

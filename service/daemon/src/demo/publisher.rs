@@ -1,11 +1,15 @@
-//! The publisher process of the demonstration: the aircraft's sensors and its flight controller.
+//! The publisher process of the demonstration: the sensors and controllers of all plants.
+
+use std::collections::HashMap;
 
 use clap::Args;
+use residual_shared::bounds_table::{OpenError, TableReader};
 use residual_shared::clock::sleep_until_monotonic;
 use residual_shared::transport::{self, SamplePublisher, SendError, TransportError};
 
 use super::Part;
-use super::plant::{Aircraft, Disturbance, PERIOD_NS, STEPS};
+use super::plants::Merged;
+use super::scenario::{Scenario, Variation};
 
 /// What the publisher process is told.
 #[derive(Clone, Debug, Args)]
@@ -13,17 +17,17 @@ pub struct PublisherArguments {
     /// Place and time.
     #[command(flatten)]
     pub part: Part,
-    /// Seed of noise and random disturbances.
-    #[arg(long)]
-    pub seed: u64,
-    /// Disturbance.
-    #[arg(long, value_enum)]
-    pub disturbance: Disturbance,
+    /// Seed and disturbance.
+    #[command(flatten)]
+    pub variation: Variation,
 }
 
 /// Why publishing failed.
 #[derive(Debug, thiserror::Error)]
 pub enum PublisherError {
+    /// There is no bounds table, which tells the daemon's time.
+    #[error(transparent)]
+    Open(#[from] OpenError),
     /// iceoryx2 refused.
     #[error(transparent)]
     Transport(#[from] TransportError),
@@ -32,22 +36,35 @@ pub enum PublisherError {
     Send(#[from] SendError),
 }
 
-/// Publishes y_k and u_k of one case at start + k · 10 ms.
+/// Publishes what the plants of the scenarios say, each emission at its time; lost ones only use up their number.
 pub fn execute(arguments: &PublisherArguments) -> Result<(), PublisherError> {
-    let instance = arguments.part.instance();
+    let part = &arguments.part;
+    let instance = part.instance();
+    let time = TableReader::open(&instance.bounds_path())?.directory().spec.time;
     let node = transport::open_node(&instance)?;
-    let mut sensors = SamplePublisher::open(&node, &instance, "aircraft_sensors")?;
-    let mut commands = SamplePublisher::open(&node, &instance, "aircraft_commands")?;
-    let mut aircraft = Aircraft::new(arguments.part.case, arguments.disturbance, arguments.seed);
-    for k in 0..=STEPS {
-        let instant_ns = arguments.part.start_ns + k * PERIOD_NS;
-        sleep_until_monotonic(instant_ns);
-        sensors.send(instant_ns, &aircraft.measure())?;
-        commands.send(instant_ns, &aircraft.command())?;
-        if aircraft.advance() {
+    let mut publishers: HashMap<&str, SamplePublisher> = HashMap::new();
+    let scenarios = part
+        .scenarios
+        .iter()
+        .filter_map(|name| super::scenario::named(name));
+    let plants = scenarios.flat_map(|scenario: &Scenario| (scenario.plants)(&arguments.variation));
+    for emission in Merged::new(plants.collect()) {
+        let publisher = match publishers.entry(emission.input) {
+            std::collections::hash_map::Entry::Occupied(entry) => entry.into_mut(),
+            std::collections::hash_map::Entry::Vacant(entry) => {
+                entry.insert(SamplePublisher::open(&node, &instance, emission.input)?)
+            }
+        };
+        let instant_ns = part.start_ns + emission.time_ns;
+        sleep_until_monotonic(time.to_monotonic(instant_ns));
+        match emission.elements {
+            Some(elements) => publisher.send(instant_ns, &elements)?,
+            None => publisher.skip(),
+        }
+        if let Some(event) = emission.event {
             println!(
-                "         --- the publisher injects the fault: case {}, from k = {k} on ---",
-                arguments.part.case
+                "         --- t = {:.2} s: {event} ---",
+                emission.time_ns as f64 * 1e-9
             );
         }
     }

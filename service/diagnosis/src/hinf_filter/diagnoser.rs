@@ -8,7 +8,7 @@ use super::{
     problem::Problem,
 };
 use crate::diagnoser::{
-    Channel, Description, Diagnoser, RestoreError, StepInput, StepRecord, Verdict, flags,
+    Channel, Description, Diagnoser, RestoreError, StepInput, StepRecord, Verdict, flags, inputs_valid,
 };
 use crate::matrix::{Matrix, dot};
 use crate::state::StateFormat;
@@ -255,22 +255,10 @@ impl HinfFilter {
         record.possibly_faulty = 0;
         record.fault_estimate = f64::NAN;
         record.fault_estimate_half_width = f64::NAN;
-        record.inputs_valid = self.inputs_valid(y, u);
+        record.inputs_valid = inputs_valid(&self.description, y, u);
         if !complete {
             record.flags |= flags::INPUT_MISSING;
         }
-    }
-
-    /// Bit i: element i of the measurements followed by the commands is usable.
-    fn inputs_valid(&self, y: &[f64], u: &[f64]) -> u64 {
-        let (q, p) = (self.description.measurement_count, self.description.command_count);
-        let bits = |values: &[f64], length: usize, first: usize| {
-            let usable = values.iter().enumerate().filter(|(i, value)| {
-                values.len() == length && first + i < 64 && value.abs() <= LARGEST_INPUT
-            });
-            usable.fold(0_u64, |bits, (i, _)| bits | 1 << (first + i))
-        };
-        bits(y, q, 0) | bits(u, p, q)
     }
 
     fn conclude(&mut self, complete: bool, record: &mut StepRecord) {

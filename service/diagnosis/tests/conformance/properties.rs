@@ -112,7 +112,10 @@ pub fn saved_state_goes_on(case: &Case) {
         // The state that a restore replaces must not matter.
         run(case, &mut other, &samples[..25], 1, |_, _| {});
         other.restore(&state).unwrap();
-        assert!(saved(other.as_ref()) == state, "the state restored at {k} is another one");
+        assert!(
+            saved(other.as_ref()) == state,
+            "the state restored at {k} is another one"
+        );
         let rest = run(case, &mut other, &samples[k - 1..], k, |_, _| {});
         assert_same_bits(&format!("restored at {k}"), &records[k - 1..], &rest);
     }
@@ -126,7 +129,10 @@ pub fn foreign_state_is_refused(case: &Case) {
     let state = saved(diagnoser.as_ref());
     let refused = |bytes: &[u8], diagnoser: &mut Box<dyn Diagnoser>| {
         let error = diagnoser.restore(bytes).unwrap_err();
-        assert!(saved(diagnoser.as_ref()) == state, "the state changed in spite of {error}");
+        assert!(
+            saved(diagnoser.as_ref()) == state,
+            "the state changed in spite of {error}"
+        );
         error
     };
     assert_eq!(
@@ -149,7 +155,10 @@ pub fn reset_returns_to_the_start(case: &Case) {
     let new = saved(diagnoser.as_ref());
     let records = run(case, &mut diagnoser, &samples, 1, |_, _| {});
     diagnoser.reset();
-    assert!(saved(diagnoser.as_ref()) == new, "the state after a reset is not the first one");
+    assert!(
+        saved(diagnoser.as_ref()) == new,
+        "the state after a reset is not the first one"
+    );
     let again = run(case, &mut diagnoser, &samples, 1, |_, _| {});
     assert_same_bits("after the reset", &records, &again);
 }

@@ -16,12 +16,15 @@ use nalgebra::{Matrix4, Matrix4x2, Vector2, Vector4};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::{Emission, Source, Ticking, Ticks};
+use crate::demo::scenario::Variation;
+
 /// Sampling period of the example, nanoseconds.
-pub const PERIOD_NS: u64 = 10_000_000;
+const PERIOD_NS: u64 = 10_000_000;
 /// Steps of one case: 4 s, as in the paper's figures.
-pub const STEPS: u64 = 400;
+const STEPS: u64 = 400;
 /// The first transition on which the fault acts; its effect is first seen in the measurement after it.
-pub const FIRST_FAULTY_TRANSITION: u64 = 101;
+const FIRST_FAULTY_TRANSITION: u64 = 101;
 /// Bound of each disturbance and noise element.
 const BOUND: f64 = 0.01;
 
@@ -48,6 +51,29 @@ pub enum Disturbance {
     Uniform,
     /// At the bounds, with random signs: the worst that the model allows.
     Vertex,
+}
+
+/// The aircraft whose actuator `case` (1 or 2) fails.
+pub fn sources(case: u8, variation: &Variation) -> Vec<Box<dyn Source>> {
+    let aircraft = Aircraft::new(case, variation.disturbance, variation.seed);
+    vec![Box::new(Ticks::new(aircraft, STEPS))]
+}
+
+impl Ticking for Aircraft {
+    fn tick(&mut self, k: u64, emissions: &mut Vec<Emission>) {
+        let outputs = self.measure().to_vec();
+        let command = self.command().to_vec();
+        let fails = self.advance();
+        let emission = |input, elements, event| Emission {
+            time_ns: k * PERIOD_NS,
+            input,
+            elements: Some(elements),
+            event,
+        };
+        let event = fails.then(|| format!("actuator {} of the aircraft fails", self.faulty_actuator + 1));
+        emissions.push(emission("aircraft_sensors", outputs, None));
+        emissions.push(emission("aircraft_commands", command, event));
+    }
 }
 
 /// The simulated aircraft with a fault in one actuator.
