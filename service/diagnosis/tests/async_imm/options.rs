@@ -85,7 +85,10 @@ fn two_faults_outside_of_the_mode_set_are_seen_by_the_probability_of_any_fault()
         }
     }
     let [isolation, detection] = silent.map(|count| count / (16 * BOTH.runs) as f64);
-    assert!(isolation > 0.2 && detection < 0.25 * isolation, "{isolation} {detection}");
+    assert!(
+        isolation > 0.2 && detection < 0.25 * isolation,
+        "{isolation} {detection}"
+    );
 }
 
 /// Position error over 10 to 40 s of runs whose packets are up to 2 s late.
