@@ -193,10 +193,10 @@ impl BaselineObserver {
         let state = &mut self.state;
         let finite = all_finite(&state.z1) && all_finite(&state.z2) && all_finite(&state.radius);
         state.lost = self.inputs.commands == Commands::Lost || !finite;
-        match (self.state.lost, found.tested) {
-            (true, _) => Verdict::GuaranteeLost,
-            (false, true) => Verdict::Nominal,
-            (false, false) => Verdict::NotEvaluated,
+        if found.tested {
+            Verdict::Nominal
+        } else {
+            Verdict::NotEvaluated
         }
     }
 

@@ -255,10 +255,10 @@ impl ReducedOrderObserver {
         } else {
             self.propagate();
         }
-        match (self.state.phase, tested && !wide) {
-            (Phase::Lost, _) if self.restart_widths.is_none() => Verdict::GuaranteeLost,
-            (_, true) => Verdict::Nominal,
-            (_, false) => Verdict::NotEvaluated,
+        if tested && !wide {
+            Verdict::Nominal
+        } else {
+            Verdict::NotEvaluated
         }
     }
 

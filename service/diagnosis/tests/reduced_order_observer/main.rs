@@ -7,6 +7,8 @@ mod support;
 mod design_facts;
 mod fixtures;
 mod noise_missing_reference;
+mod properties;
 mod servo_reference;
+mod simulation;
 mod vehicle_reference;
 mod zonotope_reference;
