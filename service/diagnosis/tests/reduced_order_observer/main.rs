@@ -4,8 +4,10 @@
 #[path = "../support/mod.rs"]
 mod support;
 
+mod claims;
 mod design_facts;
 mod fixtures;
+mod mistakes;
 mod noise_missing_reference;
 mod properties;
 mod servo_reference;
