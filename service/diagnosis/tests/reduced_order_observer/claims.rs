@@ -17,7 +17,11 @@ use residual_diagnosis::{
 /// The paper's gains, noise bound `noise`.
 fn printed(noise: f64, mode: Mode, start: Initialisation) -> ReducedOrderObserverOptions {
     let file = file("design.json");
-    let mut options = given(servo(noise), &rows(&file["printed"]["K"]), &rows(&file["printed"]["M"]));
+    let mut options = given(
+        servo(noise),
+        &rows(&file["printed"]["K"]),
+        &rows(&file["printed"]["M"]),
+    );
     options.bounds.mode = mode;
     options.bounds.initialisation = Some(start);
     options.bounds.tests = vec![Test::Hull];
@@ -34,7 +38,12 @@ fn diagnoser(options: &ReducedOrderObserverOptions) -> Box<dyn Diagnoser> {
 }
 
 /// The paper's run with sampling period `period_s` and a fault of this amplitude: records of every instant.
-fn papers_run(diagnoser: &mut dyn Diagnoser, period_s: f64, amplitude: f64, duration_s: f64) -> Vec<StepRecord> {
+fn papers_run(
+    diagnoser: &mut dyn Diagnoser,
+    period_s: f64,
+    amplitude: f64,
+    duration_s: f64,
+) -> Vec<StepRecord> {
     let mut plant = Simulation::new(&servo(0.0).model, 0, Draw::Uniform);
     plant.x = DVector::from_vec(vec![0.5, -0.4, 0.3]);
     let mut records = Vec::new();
@@ -51,7 +60,9 @@ fn papers_run(diagnoser: &mut dyn Diagnoser, period_s: f64, amplitude: f64, dura
 }
 
 fn alarms(records: &[StepRecord]) -> Vec<usize> {
-    (0..records.len()).filter(|&k| records[k].flags & flags::ALARM_NOW != 0).collect()
+    (0..records.len())
+        .filter(|&k| records[k].flags & flags::ALARM_NOW != 0)
+        .collect()
 }
 
 fn excess(records: &[StepRecord], k: usize) -> f64 {
@@ -63,10 +74,16 @@ fn figure_3_the_first_alarm_is_one_sample_after_the_onset_for_every_sampling_per
     let options = printed(0.0, Mode::Joint, Initialisation::MeasuredOutput);
     for period_s in [1.0, 0.5, 0.1, 0.05, 0.01, 0.001] {
         let found = alarms(&papers_run(diagnoser(&options).as_mut(), period_s, 8.0, 20.0));
-        let (onset, end) = ((5.0 / period_s).round() as usize, (15.0 / period_s).round() as usize);
+        let (onset, end) = (
+            (5.0 / period_s).round() as usize,
+            (15.0 / period_s).round() as usize,
+        );
         assert_eq!(found[0], onset + 1, "{period_s}");
         let last = found.last().unwrap();
-        assert!((end + 2..=end + 4).contains(last), "{period_s}: {last} after {end}");
+        assert!(
+            (end + 2..=end + 4).contains(last),
+            "{period_s}: {last} after {end}"
+        );
     }
 }
 
@@ -97,13 +114,19 @@ fn figure_4a_the_advantage_of_the_zonotope_vanishes_with_m_zero() {
         let mut options = printed(0.0, mode, Initialisation::PriorBox);
         options.design.observer_m = Default::default();
         let records = papers_run(diagnoser(&options).as_mut(), 0.1, 0.0, 5.0);
-        records[50].channels()[..2].iter().map(|channel| channel.upper).collect::<Vec<_>>()
+        records[50].channels()[..2]
+            .iter()
+            .map(|channel| channel.upper)
+            .collect::<Vec<_>>()
     };
     let (zonotope, interval) = (widths(Mode::Paper), widths(Mode::Tiom));
     for (one, other) in zonotope.iter().zip(&interval) {
         assert!((one - other).abs() < 1e-12);
     }
-    assert!((zonotope[0] - 0.1).abs() < 1e-8 && (zonotope[1] - 0.2).abs() < 1e-8, "{zonotope:?}");
+    assert!(
+        (zonotope[0] - 0.1).abs() < 1e-8 && (zonotope[1] - 0.2).abs() < 1e-8,
+        "{zonotope:?}"
+    );
 }
 
 #[test]
@@ -154,7 +177,10 @@ fn noise_makes_the_papers_bound_alarm_falsely_and_the_joint_bound_never() {
         let paper = printed(0.0, Mode::Paper, Initialisation::PriorBox);
         let rate = false_alarm_rate(&paper, noise, 100);
         // 20,000 samples: the standard error is at most 0.003, 0.0005 at the smallest noise.
-        assert!((rate - expected).abs() < 0.1 * expected + 0.001, "{noise}: {rate}");
+        assert!(
+            (rate - expected).abs() < 0.1 * expected + 0.001,
+            "{noise}: {rate}"
+        );
         let joint = printed(noise, Mode::Joint, Initialisation::MeasuredOutput);
         assert_eq!(false_alarm_rate(&joint, noise, 20), 0.0);
     }
@@ -184,28 +210,36 @@ fn holding_the_last_sample_alarms_falsely_where_the_gap_update_does_not() {
         }
     }
     assert_eq!(bridged, 0);
-    assert!(f64::from(held) / f64::from(received) > 0.05, "{held} of {received}");
+    assert!(
+        f64::from(held) / f64::from(received) > 0.05,
+        "{held} of {received}"
+    );
 }
 
 #[test]
 fn after_a_burst_of_six_the_bounds_are_narrow_again_two_samples_later() {
-    let mut options = servo(0.01);
-    options.design.gains = Gains::Given;
-    options.design.k = Some(vec![vec![-0.2, 0.4]]);
-    let design = design(&options);
+    let design = design(&printed(0.01, Mode::Joint, Initialisation::MeasuredOutput));
     let steady = design.main.hull();
     let mut diagnoser = ReducedOrderObserver::new(&design).unwrap();
-    let mut ratios = Vec::new();
-    for k in 0..60 {
-        let y = if (40..46).contains(&k) { [f64::NAN; 2] } else { [0.0; 2] };
+    for k in 0..50 {
+        let y = if (40..46).contains(&k) {
+            [f64::NAN; 2]
+        } else {
+            [0.0; 2]
+        };
         let record = step(&mut diagnoser, &y, &[0.0]);
-        ratios.push([0, 1].map(|i| record.channels()[i].upper / steady[i]));
+        let expected = match k {
+            39 => [1.0, 1.0],
+            46 => [2.5, 6.8],
+            47 => [5.3, 8.0],
+            48 => [1.06, 1.37],
+            _ => continue,
+        };
+        for i in 0..2 {
+            let ratio = record.channels()[i].upper / steady[i];
+            assert!((ratio / expected[i] - 1.0).abs() < 0.04, "{ratio} at {k}");
+        }
     }
-    println!("{:?}", &ratios[39..52]);
-    let largest = |k: usize| ratios[k].iter().copied().fold(0.0, f64::max);
-    assert!(largest(39) < 1.001 && largest(46) > 2.0, "{:?}", &ratios[39..50]);
-    assert!(largest(50) < largest(46) / 2.0, "{:?}", &ratios[39..50]);
-    assert!(largest(59) < 1.01, "{:?}", &ratios[50..]);
 }
 
 /// Share of alarms in the window of the paper's sine with noise 0.01: hull, all rows, estimator.
@@ -231,7 +265,11 @@ fn shares(options: &ReducedOrderObserverOptions, amplitude: f64) -> [f64; 3] {
             } else {
                 assert_eq!(record.flags & flags::ALARM_NOW, 0);
             }
-            let f = [if k >= 50 { amplitude * (0.7 * k as f64).sin() } else { 0.0 }];
+            let f = [if k >= 50 {
+                amplitude * (0.7 * k as f64).sin()
+            } else {
+                0.0
+            }];
             plant.advance_with(&u, &f, &DVector::from_element(1, (50.0 * k as f64).sin()));
         }
     }
@@ -241,7 +279,11 @@ fn shares(options: &ReducedOrderObserverOptions, amplitude: f64) -> [f64; 3] {
 #[test]
 fn set_test_and_estimator_see_more_of_the_papers_sine_than_the_outputs() {
     let file = file("design.json");
-    let printed = given(servo(0.01), &rows(&file["printed"]["K"]), &rows(&file["printed"]["M"]));
+    let printed = given(
+        servo(0.01),
+        &rows(&file["printed"]["K"]),
+        &rows(&file["printed"]["M"]),
+    );
     let mut k0 = servo(0.01);
     k0.design.gains = Gains::Given;
     k0.design.k = Some(vec![vec![-0.2, 0.4]]);
@@ -254,26 +296,30 @@ fn set_test_and_estimator_see_more_of_the_papers_sine_than_the_outputs() {
         let ([hull, set, _], [_, set_k0, estimator]) = (shares(&printed, amplitude), shares(&k0, amplitude));
         for (found, expected) in [hull, set, set_k0, estimator].iter().zip(expected) {
             // 4040 samples: the standard error is at most 0.008.
-            assert!((found - expected).abs() < 0.03, "{amplitude}: {found} instead of {expected}");
+            assert!(
+                (found - expected).abs() < 0.03,
+                "{amplitude}: {found} instead of {expected}"
+            );
         }
     }
 }
 
 #[test]
 fn the_bank_isolates_every_constant_fault_above_the_guaranteed_floors_and_accuses_nobody_falsely() {
-    for (name, sizes) in [("vehicle_lateral", [0.0765, 1.08]), ("six_state", [0.0050, 0.0113])] {
+    for (name, poles, sizes) in [
+        ("vehicle_lateral", &[0.4, 0.5][..], [0.0765, 1.08]),
+        ("six_state", &[0.3, 0.4, 0.5], [0.0113, 0.0050]),
+    ] {
         let mut options = other_plant(name, 1e-3);
-        options.isolation.poles = if name == "six_state" { vec![0.5] } else { vec![0.4, 0.5] };
+        options.isolation.poles = poles.to_vec();
         let design = design(&options);
         let members = &design.isolation.members;
         assert_eq!(members.len(), 2);
         // The fault of one actuator is isolated by the member of the other.
         let floors = [members[1].set_floors()[0], members[0].set_floors()[1]];
-        if name == "vehicle_lateral" {
-            assert!((floors[0] / sizes[0] - 1.0).abs() < 0.01, "{name}: {floors:?}");
-            assert!((floors[1] / sizes[1] - 1.0).abs() < 0.01, "{name}: {floors:?}");
+        for (floor, expected) in floors.iter().zip(sizes) {
+            assert!((floor / expected - 1.0).abs() < 0.01, "{name}: {floors:?}");
         }
-        println!("{name} {floors:?}");
         let mut delays = Vec::new();
         for run in 0..40_u64 {
             let actuator = (run % 2) as usize;
@@ -326,7 +372,13 @@ fn measured_start_costs_nothing_in_the_steady_state_and_is_nearly_the_papers_wid
 fn some_right_hand_side_of_lemma_1_has_no_solution_although_the_assumptions_hold() {
     // A = [.5 0; .3 0], C = [1 0], D = [1; 1]: "for any Q" fails for Q = I, the observer exists all the same.
     let cases = file("design.json")["assumption_cases"].clone();
-    let mut case = cases.as_array().unwrap().iter().find(|case| case["A"][0][0] == 0.5).unwrap().clone();
+    let mut case = cases
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|case| case["A"][0][0] == 0.5)
+        .unwrap()
+        .clone();
     case["B"] = serde_json::json!([[1.0], [1.0]]);
     let options = ReducedOrderObserverOptions {
         model: crate::fixtures::bounded(matrices(&case), 1.0, 1.0, 0.0),

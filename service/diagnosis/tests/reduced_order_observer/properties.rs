@@ -25,7 +25,9 @@ fn random_options(seed: u64) -> ReducedOrderObserverOptions {
     options.design.spectral_radius_max = 0.99;
     options.bounds.generator_order = Some(n + (seed % 20) as usize);
     if seed % 2 == 1 {
-        let m = DMatrix::from_fn(p, p, |i, j| 0.8 / p as f64 * ((seed as usize + 3 * i + 7 * j) as f64).sin());
+        let m = DMatrix::from_fn(p, p, |i, j| {
+            0.8 / p as f64 * ((seed as usize + 3 * i + 7 * j) as f64).sin()
+        });
         options.design.observer_m = ObserverM::Matrix(rows(&m));
     }
     if seed % 5 == 4 {
@@ -43,7 +45,11 @@ fn random_designs(count: u64) -> Vec<Design> {
             Err(error) => panic!("{seed}: {error}"),
         })
         .collect();
-    assert!(found.len() as u64 * 10 > count * 9, "only {} of {count}", found.len());
+    assert!(
+        found.len() as u64 * 10 > count * 9,
+        "only {} of {count}",
+        found.len()
+    );
     found
 }
 
@@ -52,25 +58,38 @@ fn no_run_within_the_bounds_alarms_whatever_is_lost_and_the_state_stays_in_its_i
     let (mut tested, mut intervals) = (0_usize, 0_usize);
     for (number, design) in random_designs(120).into_iter().enumerate() {
         let model = &design.options.model;
-        let (lower, upper) = (model.input_lower.clone().unwrap(), model.input_upper.clone().unwrap());
-        for (run, draw) in [Draw::Vertex, Draw::Uniform, Draw::Vertex].into_iter().enumerate() {
+        let (lower, upper) = (
+            model.input_lower.clone().unwrap(),
+            model.input_upper.clone().unwrap(),
+        );
+        for (run, draw) in [Draw::Vertex, Draw::Uniform, Draw::Vertex]
+            .into_iter()
+            .enumerate()
+        {
             let mut plant = Simulation::new(model, (10 * number + run) as u64, draw);
             let mut diagnoser = ReducedOrderObserver::new(&design).unwrap();
             for k in 0..60 {
                 let x = plant.x.clone();
                 let mut y = plant.measure();
-                let u: Vec<f64> = (0..lower.len()).map(|i| plant.between(lower[i], upper[i])).collect();
+                let u: Vec<f64> = (0..lower.len())
+                    .map(|i| plant.between(lower[i], upper[i]))
+                    .collect();
                 let mut received = u.clone();
                 if k > 0 && run > 0 {
                     let burst = (25..31).contains(&k);
-                    y.iter_mut().for_each(|y| *y = if burst || plant.chance(0.2) { f64::NAN } else { *y });
-                    received.iter_mut().for_each(|u| *u = if plant.chance(0.1) { f64::NAN } else { *u });
+                    y.iter_mut()
+                        .for_each(|y| *y = if burst || plant.chance(0.2) { f64::NAN } else { *y });
+                    received
+                        .iter_mut()
+                        .for_each(|u| *u = if plant.chance(0.1) { f64::NAN } else { *u });
                 }
                 let record = step(&mut diagnoser, &y, &received);
-                for (channel, description) in
-                    record.channels().iter().zip(&diagnoser.description().channels)
+                for (channel, description) in record.channels().iter().zip(&diagnoser.description().channels)
                 {
-                    assert!(!(channel.ratio > 1.0), "plant {number} at {k}, {description:?}: {channel:?}");
+                    assert!(
+                        !(channel.ratio > 1.0),
+                        "plant {number} at {k}, {description:?}: {channel:?}"
+                    );
                     tested += usize::from(channel.is_evaluated());
                 }
                 assert_eq!(record.flags & flags::ALARM_NOW, 0);
@@ -78,7 +97,10 @@ fn no_run_within_the_bounds_alarms_whatever_is_lost_and_the_state_stays_in_its_i
                     intervals += 1;
                     for i in 0..x.len() {
                         let margin = 1e-9 * (1.0 + x[i].abs());
-                        assert!((x[i] - centre[i]).abs() <= radius[i] + margin, "plant {number} at {k}");
+                        assert!(
+                            (x[i] - centre[i]).abs() <= radius[i] + margin,
+                            "plant {number} at {k}"
+                        );
                     }
                 }
                 plant.advance(&u, &vec![0.0; u.len()]);
@@ -102,7 +124,10 @@ fn unreduced(plant: &Plant, design: &ObserverDesign, steps: usize) -> Vec<Vec<f6
         let widths = image.abs().column_sum() + (&design.tests * &noise).abs().column_sum();
         out.push(widths.as_slice().to_vec());
         let moved = &observer.a_e * &h;
-        let columns = moved.column_iter().chain(disturbance.column_iter()).chain(new_noise.column_iter());
+        let columns = moved
+            .column_iter()
+            .chain(disturbance.column_iter())
+            .chain(new_noise.column_iter());
         h = DMatrix::from_columns(&columns.map(|column| column.into_owned()).collect::<Vec<_>>());
     }
     out
@@ -112,7 +137,10 @@ fn unreduced(plant: &Plant, design: &ObserverDesign, steps: usize) -> Vec<Vec<f6
 fn the_tables_equal_the_unreduced_recursion() {
     for design in random_designs(40) {
         let isolation = &design.isolation;
-        for part in std::iter::once(&design.main).chain(&isolation.members).chain(&isolation.estimators) {
+        for part in std::iter::once(&design.main)
+            .chain(&isolation.members)
+            .chain(&isolation.estimators)
+        {
             let expected = unreduced(&design.plant, part, 40);
             let last = part.thresholds.nrows() - 1;
             let scale = part.steady().amax();
@@ -121,7 +149,10 @@ fn the_tables_equal_the_unreduced_recursion() {
                 for (found, expected) in found.iter().zip(expected) {
                     // The last row also bounds what is left out.
                     let most = if j < last { 1e-12 } else { 1e-9 };
-                    assert!(*found >= expected - 1e-12 * scale && *found <= expected + most * scale, "{j}");
+                    assert!(
+                        *found >= expected - 1e-12 * scale && *found <= expected + most * scale,
+                        "{j}"
+                    );
                 }
             }
         }
@@ -131,7 +162,9 @@ fn the_tables_equal_the_unreduced_recursion() {
 #[test]
 fn thresholds_grow_with_the_age_and_shrink_with_the_bounds() {
     for seed in 0..40 {
-        let Ok(design) = Design::new(&random_options(seed)) else { continue };
+        let Ok(design) = Design::new(&random_options(seed)) else {
+            continue;
+        };
         let table = &design.main.thresholds;
         for j in 1..table.nrows() {
             for w in 0..table.ncols() {
@@ -181,7 +214,10 @@ fn story(design: &Design, outputs: &[usize]) -> Vec<f64> {
 fn assert_same_story(one: &[f64], other: &[f64], tolerance: f64) {
     assert_eq!(one.len(), other.len());
     for (one, other) in one.iter().zip(other) {
-        assert!((one - other).abs() <= tolerance * (1.0 + one.abs()), "{one} {other}");
+        assert!(
+            (one - other).abs() <= tolerance * (1.0 + one.abs()),
+            "{one} {other}"
+        );
     }
 }
 
@@ -219,7 +255,13 @@ fn the_order_of_the_outputs_does_not_matter() {
 }
 
 /// A run with the fault of one actuator and lost samples: shares of alarms of its own member, and of estimates.
-fn own_fault(options: &ReducedOrderObserverOptions, actuator: usize, size: f64, loss: f64, seed: u64) -> (usize, usize) {
+fn own_fault(
+    options: &ReducedOrderObserverOptions,
+    actuator: usize,
+    size: f64,
+    loss: f64,
+    seed: u64,
+) -> (usize, usize) {
     let design = Design::new(options).unwrap();
     let mut diagnoser = ReducedOrderObserver::new(&design).unwrap();
     let mut plant = Simulation::new(&options.model, seed, Draw::Vertex);
@@ -229,7 +271,8 @@ fn own_fault(options: &ReducedOrderObserverOptions, actuator: usize, size: f64, 
     for k in 0..150 {
         let mut y = plant.measure();
         if k > 0 {
-            y.iter_mut().for_each(|y| *y = if plant.chance(loss) { f64::NAN } else { *y });
+            y.iter_mut()
+                .for_each(|y| *y = if plant.chance(loss) { f64::NAN } else { *y });
         }
         let u: Vec<f64> = (0..m).map(|j| (0.3 * k as f64 + j as f64).sin()).collect();
         let record = step(&mut diagnoser, &y, &u);
@@ -247,7 +290,11 @@ fn own_fault(options: &ReducedOrderObserverOptions, actuator: usize, size: f64, 
                 );
             }
         }
-        assert_eq!(diagnoser.exonerated() & 1 << actuator, 0, "the faulty actuator is exonerated at {k}");
+        assert_eq!(
+            diagnoser.exonerated() & 1 << actuator,
+            0,
+            "the faulty actuator is exonerated at {k}"
+        );
         let mut f = vec![0.0; m];
         if k >= 40 {
             f[actuator] = size * (0.5 + 0.5 * plant.between(-1.0, 1.0));
@@ -289,7 +336,9 @@ fn with_a_fault_bound_members_and_estimates_stay_true_through_gaps() {
 #[test]
 fn without_a_fault_bound_members_would_accuse_falsely_so_that_they_are_not_believed() {
     let options = other_plant("vehicle_lateral", 1e-3);
-    let alarms: usize = (0..6).map(|seed| own_fault(&options, 1, 100.0, 0.05, seed).0).sum();
+    let alarms: usize = (0..6)
+        .map(|seed| own_fault(&options, 1, 100.0, 0.05, seed).0)
+        .sum();
     assert!(alarms > 0, "the case shows nothing");
 }
 
@@ -330,7 +379,11 @@ fn a_restart_from_its_box_narrows_what_a_long_gap_has_widened() {
     let mut widths = Vec::new();
     let mut resets = Vec::new();
     for k in 0..60 {
-        let y = if (20..50).contains(&k) { [f64::NAN; 2] } else { [0.0; 2] };
+        let y = if (20..50).contains(&k) {
+            [f64::NAN; 2]
+        } else {
+            [0.0; 2]
+        };
         let record = step(&mut diagnoser, &y, &[0.0]);
         widths.push(channel(&diagnoser, &record, "output_1").upper);
         if record.flags & flags::RESET != 0 {

@@ -44,7 +44,10 @@ impl Simulation {
             random: ChaCha8Rng::seed_from_u64(seed),
             draw,
         };
-        let (lower, upper) = (model.initial_state_lower.clone(), model.initial_state_upper.clone());
+        let (lower, upper) = (
+            model.initial_state_lower.clone(),
+            model.initial_state_upper.clone(),
+        );
         out.x = DVector::from_fn(lower.len(), |i, _| out.between(lower[i], upper[i]));
         out
     }
@@ -76,8 +79,10 @@ impl Simulation {
     /// From k to k + 1 with a drawn disturbance.
     pub fn advance(&mut self, u: &[f64], f: &[f64]) {
         let count = self.d.ncols();
-        let (lower, upper) =
-            (self.model.disturbance_lower.clone(), self.model.disturbance_upper.clone());
+        let (lower, upper) = (
+            self.model.disturbance_lower.clone(),
+            self.model.disturbance_upper.clone(),
+        );
         let eta = DVector::from_fn(count, |i, _| self.between(lower[i], upper[i]));
         self.advance_with(u, f, &eta);
     }
@@ -97,14 +102,18 @@ pub fn random_plant(seed: u64) -> ModelOptions {
     let q = random.random_range(0..=p.min(2));
     let m = random.random_range(1..=2_usize);
     let nz = n - p;
-    let mut matrix =
-        |rows: usize, columns: usize, size: f64| DMatrix::from_fn(rows, columns, |_, _| size * random.random_range(-1.0..1.0));
+    let mut matrix = |rows: usize, columns: usize, size: f64| {
+        DMatrix::from_fn(rows, columns, |_, _| size * random.random_range(-1.0..1.0))
+    };
     let k = matrix(nz, p, 1.0);
     let d1 = matrix(p, q, 1.0);
     let a12 = matrix(p, nz, 0.7);
     let f = matrix(nz, nz, 0.8 / nz.max(1) as f64);
     let a22 = f - &k * &a12;
-    let a = stack(&beside(&matrix(p, p, 0.5), &a12), &beside(&matrix(nz, p, 0.5), &a22));
+    let a = stack(
+        &beside(&matrix(p, p, 0.5), &a12),
+        &beside(&matrix(nz, p, 0.5), &a22),
+    );
     let d = stack(&d1, &(-k * &d1));
     let b = matrix(n, m, 1.0);
     let t = DMatrix::identity(n, n) + matrix(n, n, 0.3);
@@ -142,7 +151,11 @@ pub fn random_plant(seed: u64) -> ModelOptions {
 fn stack(upper: &DMatrix<f64>, lower: &DMatrix<f64>) -> DMatrix<f64> {
     let above = upper.nrows();
     DMatrix::from_fn(above + lower.nrows(), upper.ncols(), |i, j| {
-        if i < above { upper[(i, j)] } else { lower[(i - above, j)] }
+        if i < above {
+            upper[(i, j)]
+        } else {
+            lower[(i - above, j)]
+        }
     })
 }
 
@@ -152,5 +165,8 @@ fn beside(left: &DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
 
 /// A matrix as a configuration writes it.
 pub fn rows(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
-    matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
+    matrix
+        .row_iter()
+        .map(|row| row.iter().copied().collect())
+        .collect()
 }
