@@ -99,6 +99,8 @@ pub(super) struct Diagnoser {
 #[serde(rename_all = "snake_case")]
 pub(super) enum Method {
     UnknownInputFilter,
+    ReducedOrderObserver,
+    ChiSquare,
 }
 
 #[derive(Debug, Deserialize)]
