@@ -166,7 +166,7 @@ impl Filter {
         state.generators.reshape(self.a_e.rows(), 0);
         state.age = 0;
         state.unguaranteed = 0;
-        if !start.from_output() {
+        if !start.is_at_output() {
             state.generators.append(start.generators());
         }
     }

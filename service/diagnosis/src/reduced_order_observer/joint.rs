@@ -212,7 +212,7 @@ impl ReducedOrderObserver {
             Phase::Starting if ready => {
                 self.start(false);
                 match self.starts.first() {
-                    Some(starts) if !starts.first.from_output() => self.run(record),
+                    Some(starts) if !starts.first.is_at_output() => self.run(record),
                     _ => Verdict::Starting,
                 }
             }
@@ -313,7 +313,7 @@ impl ReducedOrderObserver {
         for ((filter, state), starts) in self.filters.iter().zip(&mut self.state.filters).zip(&self.starts) {
             let start = starts.again.as_ref().filter(|_| again).unwrap_or(&starts.first);
             filter.start(state, start, &self.inputs);
-            if start.from_output() {
+            if start.is_at_output() {
                 finite &= filter.leave_start(state, start, &self.inputs, &mut self.work);
             }
         }
