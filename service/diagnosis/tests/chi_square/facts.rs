@@ -117,6 +117,7 @@ fn the_calibrated_residual_threshold_is_the_exact_one() {
 
 #[test]
 fn calibrated_thresholds_lie_where_plant_simulations_put_them() {
+    use StatisticKind::{Cusum, Glr, StateWindow};
     let threshold = |mut options: ChiSquareOptions, kind, run_steps| {
         options.threshold.mode = ThresholdMode::PerRun;
         (options.threshold.glr, options.threshold.cusum, options.threshold.bank) = (0.0, 0.0, 0.0);
@@ -125,12 +126,11 @@ fn calibrated_thresholds_lie_where_plant_simulations_put_them() {
         options.threshold.run_steps = run_steps;
         let thresholds = diagnoser(&only(options, kind)).design().thresholds.clone();
         match kind {
-            StatisticKind::Glr => thresholds.glr,
-            StatisticKind::Cusum => thresholds.cusum,
+            Glr => thresholds.glr,
+            Cusum => thresholds.cusum,
             _ => thresholds.bank,
         }
     };
-    use StatisticKind::{Cusum, Glr, StateWindow};
     let mut sharp = scalar(0.8);
     sharp.cusum.reference = 0.5;
     // Values of the sheet, widened by two standard errors of 3000 runs.

@@ -6,7 +6,9 @@ mod support;
 
 mod common;
 mod facts;
+mod figures;
 mod kernels;
 mod plant;
 mod properties;
 mod reference;
+mod table;
