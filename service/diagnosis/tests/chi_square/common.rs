@@ -151,12 +151,6 @@ pub fn step(diagnoser: &mut ChiSquareDiagnoser, z: &[f64], u: &[f64]) -> StepRec
     record
 }
 
-/// Position of a channel.
-pub fn channel(diagnoser: &dyn Diagnoser, name: &str) -> usize {
-    let channels = &diagnoser.description().channels;
-    channels.iter().position(|channel| channel.name == name).unwrap_or_else(|| panic!("no {name} in {channels:?}"))
-}
-
 /// Fails unless |actual - expected| <= relative |expected| + absolute.
 pub fn assert_near(what: impl Fn() -> String, actual: f64, expected: f64, relative: f64, absolute: f64) {
     let limit = relative * expected.abs() + absolute;

@@ -4,10 +4,13 @@
 #[path = "../support/mod.rs"]
 mod support;
 
+mod behaviour;
 mod common;
 mod facts;
 mod figures;
+mod isolation;
 mod kernels;
+mod mistakes;
 mod plant;
 mod properties;
 mod reference;
