@@ -4,7 +4,10 @@ use super::deserialise::{keys_of, read};
 use super::locate::Mistakes;
 use super::parity_design::with_parity_tests;
 use super::schema::Method;
+use residual_diagnosis::async_imm::options::AsyncImmTables;
+use residual_diagnosis::chi_square::ChiSquareOptions;
 use residual_diagnosis::method::{Designed, MethodOptions, Refusal};
+use residual_diagnosis::reduced_order_observer::options::ReducedOrderObserverOptions;
 use residual_diagnosis::unknown_input_filter::tables::UnknownInputFilterTables;
 use std::ops::Range;
 use toml::de::DeTable;
@@ -14,6 +17,12 @@ use toml::de::DeTable;
 pub enum MethodConfiguration {
     /// `method = "unknown_input_filter"`: bank of zonotopic unknown-input set-membership filters.
     UnknownInputFilter(UnknownInputFilterTables),
+    /// `method = "reduced_order_observer"`: decoupled observers with zonotopic bounds.
+    ReducedOrderObserver(ReducedOrderObserverOptions),
+    /// `method = "async_imm"`: interacting multiple models on asynchronous sensors under packet loss.
+    AsyncImm(AsyncImmTables),
+    /// `method = "chi_square"`: state and residual χ² tests, likelihood ratio, cumulative sums.
+    ChiSquare(ChiSquareOptions),
 }
 
 /// The same expression for the tables of whichever method it is.
@@ -21,6 +30,9 @@ macro_rules! for_each_method {
     ($configuration:expr, $tables:ident => $result:expr) => {
         match $configuration {
             MethodConfiguration::UnknownInputFilter($tables) => $result,
+            MethodConfiguration::ReducedOrderObserver($tables) => $result,
+            MethodConfiguration::AsyncImm($tables) => $result,
+            MethodConfiguration::ChiSquare($tables) => $result,
         }
     };
 }
@@ -55,6 +67,9 @@ impl MethodConfiguration {
     pub fn design(&self, sample_time_s: f64) -> Result<Designed, Refusal> {
         match self {
             Self::UnknownInputFilter(tables) => with_parity_tests(tables, sample_time_s),
+            Self::ReducedOrderObserver(tables) => tables.design(sample_time_s),
+            Self::AsyncImm(tables) => tables.design(sample_time_s),
+            Self::ChiSquare(tables) => tables.design(sample_time_s),
         }
     }
 
@@ -70,6 +85,9 @@ impl Method {
     pub(super) fn keys(self) -> &'static [&'static str] {
         match self {
             Self::UnknownInputFilter => keys_of::<UnknownInputFilterTables>(),
+            Self::ReducedOrderObserver => keys_of::<ReducedOrderObserverOptions>(),
+            Self::AsyncImm => keys_of::<AsyncImmTables>(),
+            Self::ChiSquare => keys_of::<ChiSquareOptions>(),
         }
     }
 
@@ -86,6 +104,11 @@ impl Method {
             Self::UnknownInputFilter => {
                 read(table, span, path, others, mistakes).map(MethodConfiguration::UnknownInputFilter)
             }
+            Self::ReducedOrderObserver => {
+                read(table, span, path, others, mistakes).map(MethodConfiguration::ReducedOrderObserver)
+            }
+            Self::AsyncImm => read(table, span, path, others, mistakes).map(MethodConfiguration::AsyncImm),
+            Self::ChiSquare => read(table, span, path, others, mistakes).map(MethodConfiguration::ChiSquare),
         }
     }
 }

@@ -99,6 +99,9 @@ pub(super) struct Diagnoser {
 #[serde(rename_all = "snake_case")]
 pub(super) enum Method {
     UnknownInputFilter,
+    ReducedOrderObserver,
+    AsyncImm,
+    ChiSquare,
 }
 
 #[derive(Debug, Deserialize)]

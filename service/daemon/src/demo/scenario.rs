@@ -2,8 +2,8 @@
 
 use clap::Args;
 
-use super::plants::Source;
 use super::plants::aircraft::{self, Disturbance};
+use super::plants::{Source, scalar, servo, target};
 
 /// What a viewer may vary.
 #[derive(Clone, Debug, Args)]
@@ -88,6 +88,73 @@ pub const SCENARIOS: &[Scenario] = &[
             isolates: Some("longitudinal_cyclic_pitch"),
         }],
         in_all: false,
+    },
+    Scenario {
+        name: "servo",
+        method: "reduced_order_observer",
+        title: "the actuator of a servo gets an offset",
+        configuration: include_str!("../../../../deploy/config/servo.toml"),
+        speed: 4.0,
+        duration_s: 15.0,
+        plants: servo::sources,
+        expectations: &[Expectation {
+            diagnoser: "servo_actuator",
+            fault: "offset of 0.5",
+            onset_s: 5.1,
+            detect_within_s: 2.0,
+            isolates: Some("actuator"),
+        }],
+        in_all: true,
+    },
+    Scenario {
+        name: "target",
+        method: "async_imm",
+        title: "an actuator of a turning target fails, seen by three sensors without a common clock, with losses",
+        configuration: include_str!("../../../../deploy/config/turning_target.toml"),
+        speed: 4.0,
+        duration_s: 40.0,
+        plants: target::sources,
+        expectations: &[Expectation {
+            diagnoser: "turning_target",
+            fault: "acceleration of 2 m/s^2",
+            onset_s: 16.5,
+            detect_within_s: 15.0,
+            isolates: Some("actuator 2"),
+        }],
+        in_all: true,
+    },
+    Scenario {
+        name: "scalar",
+        method: "chi_square",
+        title: "the sensors of a stable, an unstable and a marginal system fail, softly or hard",
+        configuration: include_str!("../../../../deploy/config/scalar.toml"),
+        speed: 4.0,
+        duration_s: 20.0,
+        plants: scalar::sources,
+        expectations: &[
+            Expectation {
+                diagnoser: "stable_system",
+                fault: "ramp of 0.02 per instant",
+                onset_s: 5.1,
+                detect_within_s: 5.0,
+                isolates: Some("value"),
+            },
+            Expectation {
+                diagnoser: "unstable_system",
+                fault: "step of 1",
+                onset_s: 5.0,
+                detect_within_s: 3.0,
+                isolates: Some("value"),
+            },
+            Expectation {
+                diagnoser: "marginal_system",
+                fault: "ramp of 0.02 per instant",
+                onset_s: 5.1,
+                detect_within_s: 5.0,
+                isolates: Some("value"),
+            },
+        ],
+        in_all: true,
     },
 ];
 

@@ -10,10 +10,13 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, unsafe_code)]
 
 mod allocation;
+mod async_imm;
 mod case;
 mod false_alarms;
+mod hinf_filter;
 mod plant;
 mod properties;
+mod reduced_order_observer;
 mod unknown_input_filter;
 
 /// One test per property for a case, in a module of the case's name.

@@ -12,7 +12,7 @@ use residual_diagnosis::{
 };
 use serde_json::Value;
 
-/// A reference file of the method `unknown_input_filter`: beside the workspace, or the copy in the tests.
+/// A reference file of the method `unknown_input_filter`.
 pub fn reference(name: &str) -> Value {
     reference_of("unknown_input_filter", name)
 }
@@ -119,7 +119,12 @@ pub fn step(bank: &mut UnknownInputFilterBank, y: &[f64], u: &[f64]) -> StepReco
 
 /// The channel with this name.
 pub fn channel(bank: &UnknownInputFilterBank, record: &StepRecord, name: &str) -> Channel {
-    let position = bank
+    channel_of(bank, record, name)
+}
+
+/// The channel of any diagnoser with this name.
+pub fn channel_of(diagnoser: &dyn Diagnoser, record: &StepRecord, name: &str) -> Channel {
+    let position = diagnoser
         .description()
         .channels
         .iter()
