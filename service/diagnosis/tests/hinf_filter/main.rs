@@ -6,10 +6,16 @@
 #[path = "../support/mod.rs"]
 mod support;
 
+mod claims;
+mod detection_times;
+mod example;
+mod guarantee;
 mod kernels;
+mod mistakes;
 mod paper;
 mod paper_facts;
 mod paper_runs;
+mod properties;
 mod sampled;
 mod theorem_1;
 mod vehicle;

@@ -81,6 +81,8 @@ pub struct PaperPlant {
     q: DMatrix<f64>,
     z: DVector<f64>,
     scales: (f64, f64),
+    /// Phase of the disturbance, rad.
+    pub phase: f64,
     k: usize,
 }
 
@@ -94,6 +96,7 @@ impl PaperPlant {
             q: matrix(&generator["Q"]),
             z: DVector::zeros(9),
             scales: (scale("f1_scale"), scale("f2_scale")),
+            phase: 0.0,
             k: 0,
         }
     }
@@ -116,8 +119,8 @@ impl PaperPlant {
     pub fn next(&mut self) -> Vec<f64> {
         let t = self.k as f64 * TS;
         self.z[2] = 1.0;
-        self.z[3] = 0.01 * t.sin();
-        self.z[4] = 0.01 * t.cos();
+        self.z[3] = 0.01 * (t + self.phase).sin();
+        self.z[4] = 0.01 * (t + self.phase).cos();
         for (i, value) in self.faults().into_iter().enumerate() {
             self.z[5 + i] = value;
         }
