@@ -1,5 +1,6 @@
 //! `[replay]`.
 
+use super::quantity::period_ns;
 use super::refuse_duplicates;
 use crate::configuration::locate::Mistakes;
 use crate::configuration::schema::Replay;
@@ -18,6 +19,9 @@ pub(in crate::configuration) fn replay(
         "input",
         mistakes,
     );
+    let row_period_ns = section
+        .row_period_s
+        .and_then(|seconds| period_ns("replay.row_period_s", seconds, mistakes));
     let mut feeds = Vec::with_capacity(section.input.len());
     for (index, feed) in section.input.into_iter().enumerate() {
         let values_path = format!("replay.input.{index}.values");
@@ -57,14 +61,29 @@ pub(in crate::configuration) fn replay(
                 ),
             );
         }
+        if feed.every_rows == 0 || feed.first_row >= feed.every_rows {
+            mistakes.at(
+                &format!("replay.input.{index}"),
+                format!(
+                    "`every_rows` = {} and `first_row` = {} choose no rows of the recording",
+                    feed.every_rows, feed.first_row
+                ),
+                "use every_rows >= 1 and first_row from 0 to every_rows - 1",
+            );
+        }
         feeds.push(ReplayInput {
             input,
             values: feed.values,
+            every_rows: feed.every_rows,
+            first_row: feed.first_row,
         });
     }
     ReplayConfiguration {
         time_column: section.time_column,
         run_column: section.run_column,
+        kind_column: section.kind_column,
+        fault_column: section.fault_column,
+        row_period_ns,
         inputs: feeds,
     }
 }
