@@ -57,6 +57,26 @@ pub struct Description {
     pub packets: Option<PacketRules>,
 }
 
+/// Bit i: element i of the measurements followed by the commands was received; bits beyond 63 are left out.
+///
+/// A slice of a wrong length counts as missing as a whole.
+pub fn inputs_valid(description: &Description, measurements: &[f64], commands: &[f64]) -> u64 {
+    let (ny, nu) = (description.measurement_count, description.command_count);
+    let measured = measurements
+        .iter()
+        .filter(|_| measurements.len() == ny)
+        .enumerate();
+    let commanded = commands
+        .iter()
+        .filter(|_| commands.len() == nu)
+        .enumerate()
+        .map(|(j, value)| (ny + j, value));
+    measured
+        .chain(commanded)
+        .filter(|(bit, value)| *bit < 64 && value.is_finite())
+        .fold(0, |bits, (bit, _)| bits | 1 << bit)
+}
+
 /// A configured diagnosis method on one plant.
 ///
 /// The scheduler calls [`Diagnoser::step`] once per sampling instant, in order and without gaps unless it says

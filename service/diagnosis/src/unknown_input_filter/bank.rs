@@ -1,7 +1,7 @@
 //! The bank: one filter per fault mode, their common verdict, resets and episodes (method sheet 4.5, 4.6, 4.12).
 
 use super::{
-    channels::{ChannelLayout, inputs_valid},
+    channels::ChannelLayout,
     checks::CheckReport,
     decision::{Conclusion, Decision, decide},
     filter::state_bound,
@@ -17,7 +17,9 @@ use super::{
     strip_reset::reset_by_strip,
     workspace::Workspace,
 };
-use crate::diagnoser::{Description, Diagnoser, RestoreError, StepInput, StepRecord, Verdict, flags};
+use crate::diagnoser::{
+    Description, Diagnoser, RestoreError, StepInput, StepRecord, Verdict, flags, inputs_valid,
+};
 use crate::state::StateFormat;
 use serde::{Deserialize, Serialize};
 
@@ -159,7 +161,7 @@ impl UnknownInputFilterBank {
         }
         self.store_command(u);
         record.flags |= events | if complete { 0 } else { flags::INPUT_MISSING };
-        record.inputs_valid = inputs_valid(&self.plant, y, u);
+        record.inputs_valid = inputs_valid(&self.description, y, u);
         let tested = !first && (0..self.modes.len()).any(|i| self.tested(i));
         let conclusion = self.conclusion();
         record.verdict = self.verdict(first, tested, &conclusion) as u32;

@@ -13,7 +13,6 @@ use super::{
     floors::Floors,
     options::{Form, Publish, UnknownInputFilterOptions},
     outcome::{Outcome, TestRow},
-    plant::Plant,
 };
 use crate::{
     diagnoser::{Channel, ChannelDescription, StepRecord},
@@ -159,19 +158,4 @@ fn channel(row: &TestRow) -> Channel {
     } else {
         Channel::NOT_EVALUATED
     }
-}
-
-/// Bit i: element i of the measurements followed by the commands was received; bits beyond 63 are left out.
-pub(super) fn inputs_valid(plant: &Plant, y: &[f64], u: &[f64]) -> u64 {
-    let (ny, nu) = (plant.ny(), plant.nu());
-    let measurements = y.iter().filter(|_| y.len() == ny).enumerate();
-    let commands = u
-        .iter()
-        .filter(|_| u.len() == nu)
-        .enumerate()
-        .map(|(j, value)| (ny + j, value));
-    measurements
-        .chain(commands)
-        .filter(|(bit, value)| *bit < 64 && value.is_finite())
-        .fold(0, |bits, (bit, _)| bits | 1 << bit)
 }

@@ -14,11 +14,16 @@ use serde_json::Value;
 
 /// A reference file of the method `unknown_input_filter`: beside the workspace, or the copy in the tests.
 pub fn reference(name: &str) -> Value {
+    reference_of("unknown_input_filter", name)
+}
+
+/// A reference file of a method: beside the workspace, or the copy in the tests.
+pub fn reference_of(method: &str, name: &str) -> Value {
     let package = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
     let folders = ["../../../shared/reference", "tests/reference"];
     let path = folders
         .iter()
-        .map(|folder| package.join(folder).join("unknown_input_filter").join(name))
+        .map(|folder| package.join(folder).join(method).join(name))
         .find(|path| path.exists())
         .unwrap();
     serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
