@@ -262,3 +262,95 @@ fn align_from(table: &mut Table, first: usize) {
         column.set_cell_alignment(CellAlignment::Right);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn description(faults: &[&str]) -> Description {
+        Description {
+            method: "test",
+            channels: Vec::new(),
+            faults: faults.iter().map(|&fault| fault.into()).collect(),
+            measurement_count: 0,
+            command_count: 0,
+            packets: None,
+        }
+    }
+
+    fn outcome(detected_s: Option<u64>, isolated: Option<u64>, false_alarms: u64) -> Outcome {
+        let detected_ns = detected_s.map(|at| at * 1_000_000_000);
+        Outcome {
+            detected_ns,
+            isolated: isolated.and_then(|faults| Some((detected_ns?, faults))),
+            false_alarms,
+            ..Outcome::default()
+        }
+    }
+
+    fn run(run: &str, kind: &str, onset_s: Option<u64>, outcomes: [Outcome; 2]) -> RunOutcome {
+        RunOutcome {
+            run: run.into(),
+            kind: kind.into(),
+            onset_ns: onset_s.map(|at| at * 1_000_000_000),
+            outcomes: outcomes.into(),
+        }
+    }
+
+    #[test]
+    fn totals_count_what_each_and_what_any_diagnoser_found() {
+        let diagnosers = [
+            ("roll".to_owned(), description(&["aileron", "rudder"])),
+            ("climb".into(), description(&[])),
+        ];
+        let runs = [
+            run(
+                "1",
+                "stuck",
+                Some(10),
+                [outcome(Some(14), Some(0b10), 0), outcome(Some(12), None, 0)],
+            ),
+            run(
+                "2",
+                "stuck",
+                Some(10),
+                [outcome(None, None, 0), outcome(Some(15), None, 3)],
+            ),
+            run(
+                "3",
+                "none",
+                None,
+                [outcome(None, None, 1), outcome(None, None, 0)],
+            ),
+        ];
+        let table = DetectionTable::new(&diagnosers, &runs);
+        let totals = table.totals();
+        let of = |kind: &str, diagnoser: &str| {
+            let mut totals = totals.iter();
+            let found = totals.find(|total| total.kind == kind && total.diagnoser == diagnoser);
+            let total = found.unwrap();
+            (
+                total.detected,
+                total.median_delay_s,
+                total.isolated,
+                total.runs_with_false_alarms,
+            )
+        };
+        assert_eq!(of("stuck", "roll"), (1, Some(4.0), 1, 0));
+        assert_eq!(of("stuck", "climb"), (2, Some(2.0), 0, 1));
+        assert_eq!(of("stuck", ANY_DIAGNOSER), (2, Some(2.0), 1, 1));
+        assert_eq!(of("none", ANY_DIAGNOSER), (0, None, 0, 1));
+        assert_eq!(of(EVERY_KIND, ANY_DIAGNOSER), (2, Some(2.0), 1, 2));
+        assert_eq!(table.rows()[0].isolated.as_deref(), Some("rudder"));
+
+        let text = table.show(TableFormat::Text);
+        assert!(
+            text.contains("| 2   | stuck |    10.000 |               no |"),
+            "{text}"
+        );
+        assert!(
+            text.contains("roll: isolated") && !text.contains("climb: isolated"),
+            "{text}"
+        );
+    }
+}

@@ -61,14 +61,20 @@ pub(in crate::configuration) fn replay(
                 ),
             );
         }
-        if feed.every_rows == 0 || feed.first_row >= feed.every_rows {
+        if feed.every_rows == 0 {
             mistakes.at(
-                &format!("replay.input.{index}"),
+                &format!("replay.input.{index}.every_rows"),
+                "`every_rows` = 0 takes no row",
+                "use 1 for every row, 2 for every second row, and so on",
+            );
+        } else if feed.first_row >= feed.every_rows {
+            mistakes.at(
+                &format!("replay.input.{index}.first_row"),
                 format!(
-                    "`every_rows` = {} and `first_row` = {} choose no rows of the recording",
-                    feed.every_rows, feed.first_row
+                    "`first_row` = {} lies beyond the first {} rows",
+                    feed.first_row, feed.every_rows
                 ),
-                "use every_rows >= 1 and first_row from 0 to every_rows - 1",
+                "use a row from 0 to below `every_rows`",
             );
         }
         feeds.push(ReplayInput {
