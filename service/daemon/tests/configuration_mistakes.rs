@@ -280,7 +280,7 @@ fn signals_that_are_not_there_are_refused_with_the_known_ones() {
     assert!(
         mistakes[0]
             .message
-            .contains("3 measurements, but 4 rows of model.C"),
+            .contains("3 measurements, but its model has 4 measured outputs"),
         "{mistakes:?}"
     );
     assert!(
@@ -297,7 +297,7 @@ fn signals_that_are_not_there_are_refused_with_the_known_ones() {
     assert!(
         mistakes[0]
             .message
-            .contains("1 commands, but 2 columns of model.B"),
+            .contains("1 commands, but its model has 2 known inputs"),
         "{mistakes:?}"
     );
 }

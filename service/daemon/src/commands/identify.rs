@@ -40,6 +40,17 @@ pub enum ChoiceError {
     /// There are several.
     #[error("the configuration has the diagnosers {0}; choose one with --diagnoser NAME")]
     Several(String),
+    /// Its method has no bounds that could be identified.
+    #[error(
+        "the diagnoser `{name}` runs `{method}`, which has no disturbance and noise bounds; choose one that runs \
+         `unknown_input_filter` with --diagnoser NAME"
+    )]
+    NoBounds {
+        /// The diagnoser.
+        name: String,
+        /// Its method.
+        method: &'static str,
+    },
     /// There is none of this name.
     #[error("the configuration has no diagnoser `{name}`; it has {known}")]
     Unknown {
@@ -61,7 +72,13 @@ pub fn execute(arguments: &IdentifyArguments) -> miette::Result<()> {
     )?;
     let configuration = &replay.loaded.configuration;
     let diagnoser = choose(&configuration.diagnosers, arguments.diagnoser.as_deref())?;
-    let MethodConfiguration::UnknownInputFilter(tables) = &diagnoser.method;
+    let MethodConfiguration::UnknownInputFilter(tables) = &diagnoser.method else {
+        return Err(ChoiceError::NoBounds {
+            name: diagnoser.name.clone(),
+            method: diagnoser.method.name(),
+        }
+        .into());
+    };
     let model = LinearModel::new(&tables.model, diagnoser.sample_time_s()).into_diagnostic()?;
 
     let (mut training, mut validation) = (Vec::new(), Vec::new());

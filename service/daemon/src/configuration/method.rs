@@ -4,6 +4,7 @@ use super::deserialise::{keys_of, read};
 use super::locate::Mistakes;
 use super::parity_design::with_parity_tests;
 use super::schema::Method;
+use residual_diagnosis::chi_square::ChiSquareOptions;
 use residual_diagnosis::method::{Designed, MethodOptions, Refusal};
 use residual_diagnosis::unknown_input_filter::tables::UnknownInputFilterTables;
 use std::ops::Range;
@@ -14,6 +15,8 @@ use toml::de::DeTable;
 pub enum MethodConfiguration {
     /// `method = "unknown_input_filter"`: bank of zonotopic unknown-input set-membership filters.
     UnknownInputFilter(UnknownInputFilterTables),
+    /// `method = "chi_square"`: state and residual χ² tests, likelihood ratio, cumulative sums.
+    ChiSquare(ChiSquareOptions),
 }
 
 /// The same expression for the tables of whichever method it is.
@@ -21,6 +24,7 @@ macro_rules! for_each_method {
     ($configuration:expr, $tables:ident => $result:expr) => {
         match $configuration {
             MethodConfiguration::UnknownInputFilter($tables) => $result,
+            MethodConfiguration::ChiSquare($tables) => $result,
         }
     };
 }
@@ -55,6 +59,7 @@ impl MethodConfiguration {
     pub fn design(&self, sample_time_s: f64) -> Result<Designed, Refusal> {
         match self {
             Self::UnknownInputFilter(tables) => with_parity_tests(tables, sample_time_s),
+            Self::ChiSquare(tables) => tables.design(sample_time_s),
         }
     }
 
@@ -70,6 +75,7 @@ impl Method {
     pub(super) fn keys(self) -> &'static [&'static str] {
         match self {
             Self::UnknownInputFilter => keys_of::<UnknownInputFilterTables>(),
+            Self::ChiSquare => keys_of::<ChiSquareOptions>(),
         }
     }
 
@@ -86,6 +92,7 @@ impl Method {
             Self::UnknownInputFilter => {
                 read(table, span, path, others, mistakes).map(MethodConfiguration::UnknownInputFilter)
             }
+            Self::ChiSquare => read(table, span, path, others, mistakes).map(MethodConfiguration::ChiSquare),
         }
     }
 }

@@ -2,8 +2,8 @@
 
 use clap::Args;
 
-use super::plants::Source;
 use super::plants::aircraft::{self, Disturbance};
+use super::plants::{Source, scalar};
 
 /// What a viewer may vary.
 #[derive(Clone, Debug, Args)]
@@ -88,6 +88,39 @@ pub const SCENARIOS: &[Scenario] = &[
             isolates: Some("longitudinal_cyclic_pitch"),
         }],
         in_all: false,
+    },
+    Scenario {
+        name: "scalar",
+        method: "chi_square",
+        title: "the sensors of a stable, an unstable and a marginal system fail, softly or hard",
+        configuration: include_str!("../../../../deploy/config/scalar.toml"),
+        speed: 4.0,
+        duration_s: 20.0,
+        plants: scalar::sources,
+        expectations: &[
+            Expectation {
+                diagnoser: "stable_system",
+                fault: "ramp of 0.02 per instant",
+                onset_s: 5.1,
+                detect_within_s: 5.0,
+                isolates: Some("value"),
+            },
+            Expectation {
+                diagnoser: "unstable_system",
+                fault: "step of 1",
+                onset_s: 5.0,
+                detect_within_s: 3.0,
+                isolates: Some("value"),
+            },
+            Expectation {
+                diagnoser: "marginal_system",
+                fault: "ramp of 0.02 per instant",
+                onset_s: 5.1,
+                detect_within_s: 5.0,
+                isolates: Some("value"),
+            },
+        ],
+        in_all: true,
     },
 ];
 

@@ -185,23 +185,23 @@ fn labels(references: &[SignalReference], inputs: &[InputConfiguration]) -> Vec<
     references.iter().map(label).collect()
 }
 
-/// Whether there is one measurement per row of C and one command per column of B.
+/// Whether there are as many measurements and commands as the method's tables speak of.
 fn counts_agree(
     path: &str,
     section: &Diagnoser,
     method: &MethodConfiguration,
     mistakes: &mut Mistakes<'_>,
 ) -> bool {
-    let (rows, columns) = method.signal_counts();
+    let (measurements, commands) = method.signal_counts();
     let mut agree = true;
     let lists = [
         (
             "measurements",
             section.measurements.len(),
-            rows,
-            "rows of model.C",
+            measurements,
+            "measured outputs",
         ),
-        ("commands", section.commands.len(), columns, "columns of model.B"),
+        ("commands", section.commands.len(), commands, "known inputs"),
     ];
     for (key, found, expected, what) in lists {
         if found != expected {
@@ -209,13 +209,11 @@ fn counts_agree(
             mistakes.at(
                 &format!("{path}.{key}"),
                 format!(
-                    "the diagnoser `{}` has {found} {key}, but {expected} {what}",
+                    "the diagnoser `{}` has {found} {key}, but its model has {expected} {what}",
                     section.name
                 ),
-                format!(
-                    "list one signal per {}, in order, or correct the matrix",
-                    what.replacen('s', "", 1)
-                ),
+                "list one signal for each, in the order of the model, or correct the model's matrices"
+                    .to_owned(),
             );
         }
     }

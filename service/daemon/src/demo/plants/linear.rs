@@ -84,7 +84,11 @@ mod tests {
 
     #[test]
     fn a_held_input_charges_a_first_order_lag_exactly() {
-        let (a, b) = zero_order_hold(&DMatrix::from_element(1, 1, -2.0), &DMatrix::from_element(1, 1, 4.0), 0.1);
+        let (a, b) = zero_order_hold(
+            &DMatrix::from_element(1, 1, -2.0),
+            &DMatrix::from_element(1, 1, 4.0),
+            0.1,
+        );
         assert!((a[0] - (-0.2_f64).exp()).abs() < 1e-15);
         assert!((b[0] - 2.0 * (1.0 - (-0.2_f64).exp())).abs() < 1e-15);
     }

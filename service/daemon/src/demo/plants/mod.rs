@@ -1,6 +1,11 @@
 //! Simulated plants with their sensors: what they say, and when.
 
 pub mod aircraft;
+pub mod linear;
+pub mod scalar;
+pub mod servo;
+pub mod target;
+pub mod two_state;
 
 /// What a sensor or a controller sends at one moment.
 #[derive(Clone, Debug, PartialEq)]

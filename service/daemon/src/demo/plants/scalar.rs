@@ -64,8 +64,12 @@ impl Ticking for Scalar {
                 time_ns: k * PERIOD_NS,
                 input: self.input,
                 elements: Some(vec![measured]),
-                event: (k == FIRST_FAULTY_TICK)
-                    .then(|| format!("the sensor of the system with a = {} fails: {:?}", self.a, self.fault)),
+                event: (k == FIRST_FAULTY_TICK).then(|| {
+                    format!(
+                        "the sensor of the system with a = {} fails: {:?}",
+                        self.a, self.fault
+                    )
+                }),
             });
         }
     }

@@ -37,9 +37,27 @@ struct Sensor {
 }
 
 const SENSORS: [Sensor; 3] = [
-    Sensor { input: "position_1", first_tick: 2, ticks: 6, jitter: 0, arrival_probability: 0.9 },
-    Sensor { input: "position_2", first_tick: 3, ticks: 6, jitter: 0, arrival_probability: 0.8 },
-    Sensor { input: "position_3", first_tick: 4, ticks: 8, jitter: 2, arrival_probability: 0.8 },
+    Sensor {
+        input: "position_1",
+        first_tick: 2,
+        ticks: 6,
+        jitter: 0,
+        arrival_probability: 0.9,
+    },
+    Sensor {
+        input: "position_2",
+        first_tick: 3,
+        ticks: 6,
+        jitter: 0,
+        arrival_probability: 0.8,
+    },
+    Sensor {
+        input: "position_3",
+        first_tick: 4,
+        ticks: 8,
+        jitter: 2,
+        arrival_probability: 0.8,
+    },
 ];
 
 /// The target with its sensors.
@@ -62,7 +80,9 @@ impl Target {
         let a = DMatrix::from_row_slice(
             4,
             4,
-            &[0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.2, 0.0, 0.0, 0.0, 1.0, 0.0, 0.2, 0.0, 0.0],
+            &[
+                0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.2, 0.0, 0.0, 0.0, 1.0, 0.0, 0.2, 0.0, 0.0,
+            ],
         );
         let b = DMatrix::from_row_slice(4, 2, &[0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
         let (transition, input) = zero_order_hold(&a, &b, TICK_S);
@@ -76,7 +96,9 @@ impl Target {
     }
 
     fn measure(&mut self) -> Vec<f64> {
-        [0, 2].map(|row| self.state[row] + self.draw.normal(POSITION_DEVIATION)).to_vec()
+        [0, 2]
+            .map(|row| self.state[row] + self.draw.normal(POSITION_DEVIATION))
+            .to_vec()
     }
 
     fn advance(&mut self, fault: f64) {
@@ -120,7 +142,10 @@ mod tests {
         let mut source = Ticks::new(Target::new(1), 6_000);
         let (mut sent, mut lost) = ([0_u32; 3], [0_u32; 3]);
         while let Some(emission) = source.next_emission() {
-            let place = SENSORS.iter().position(|sensor| sensor.input == emission.input).unwrap();
+            let place = SENSORS
+                .iter()
+                .position(|sensor| sensor.input == emission.input)
+                .unwrap();
             sent[place] += 1;
             lost[place] += u32::from(emission.elements.is_none());
         }
@@ -128,7 +153,10 @@ mod tests {
         assert!((620..=720).contains(&sent[2]), "{sent:?}");
         for (place, sensor) in SENSORS.iter().enumerate() {
             let share = f64::from(lost[place]) / f64::from(sent[place]);
-            assert!((share - (1.0 - sensor.arrival_probability)).abs() < 0.05, "{share}");
+            assert!(
+                (share - (1.0 - sensor.arrival_probability)).abs() < 0.05,
+                "{share}"
+            );
         }
     }
 }

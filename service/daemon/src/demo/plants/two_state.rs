@@ -83,7 +83,9 @@ impl Ticking for TwoState {
         let output = self.plant.output(&command, &disturbance, &fault);
         self.plant.advance(&command, &disturbance, &fault);
         let event = (k == FIRST_FAULTY_TICK).then(|| match self.fault {
-            Fault::ActuatorRamp(rate) => format!("the actuator of the two-state plant drifts, {rate} per second"),
+            Fault::ActuatorRamp(rate) => {
+                format!("the actuator of the two-state plant drifts, {rate} per second")
+            }
             Fault::SensorStep(size) => format!("the sensor of the two-state plant is off by {size}"),
         });
         let emission = |input, elements: &DVector<f64>, event| Emission {
@@ -112,6 +114,9 @@ mod tests {
         }
         // 0 = A x + B, y = x + D, both within the effect of the disturbance.
         let last = last.unwrap();
-        assert!((last[0] - 0.2316).abs() < 0.01 && (last[1] - 0.1713 - 0.267).abs() < 0.01, "{last:?}");
+        assert!(
+            (last[0] - 0.2316).abs() < 0.01 && (last[1] - 0.1713 - 0.267).abs() < 0.01,
+            "{last:?}"
+        );
     }
 }
