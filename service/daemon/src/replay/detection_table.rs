@@ -345,7 +345,7 @@ mod tests {
 
         let text = table.show(TableFormat::Text);
         assert!(
-            text.contains("| 2   | stuck |    10.000 |               no |"),
+            text.contains("| 2   | stuck |    10.000 |              no |"),
             "{text}"
         );
         assert!(

@@ -29,7 +29,7 @@ pub struct Outcome {
     /// First isolation at or after the detection, and the faults isolated.
     pub isolated: Option<(u64, u64)>,
     /// Whether a false alarm has been on without a break until now.
-    false_alarm_on: bool,
+    pub false_alarm_on: bool,
 }
 
 impl Outcome {
