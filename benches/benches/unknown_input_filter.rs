@@ -8,7 +8,7 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use residual_diagnosis::diagnoser::{Diagnoser, StepInput, StepRecord};
 use residuald::configuration::Configuration;
-use residuald::demo::plant::{Aircraft, Disturbance};
+use residuald::demo::plants::aircraft::{Aircraft, Disturbance};
 
 const CONFIGURATION: &str = include_str!("../../deploy/config/vtol.toml");
 

@@ -16,6 +16,7 @@ pub mod matrix;
 pub mod method;
 pub mod model;
 pub mod packets;
+pub mod reduced_order_observer;
 pub mod spectrum;
 pub mod state;
 pub mod tables;

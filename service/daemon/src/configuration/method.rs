@@ -6,6 +6,7 @@ use super::parity_design::with_parity_tests;
 use super::schema::Method;
 use residual_diagnosis::chi_square::ChiSquareOptions;
 use residual_diagnosis::method::{Designed, MethodOptions, Refusal};
+use residual_diagnosis::reduced_order_observer::options::ReducedOrderObserverOptions;
 use residual_diagnosis::unknown_input_filter::tables::UnknownInputFilterTables;
 use std::ops::Range;
 use toml::de::DeTable;
@@ -15,6 +16,8 @@ use toml::de::DeTable;
 pub enum MethodConfiguration {
     /// `method = "unknown_input_filter"`: bank of zonotopic unknown-input set-membership filters.
     UnknownInputFilter(UnknownInputFilterTables),
+    /// `method = "reduced_order_observer"`: decoupled observers with zonotopic bounds.
+    ReducedOrderObserver(ReducedOrderObserverOptions),
     /// `method = "chi_square"`: state and residual χ² tests, likelihood ratio, cumulative sums.
     ChiSquare(ChiSquareOptions),
 }
@@ -24,6 +27,7 @@ macro_rules! for_each_method {
     ($configuration:expr, $tables:ident => $result:expr) => {
         match $configuration {
             MethodConfiguration::UnknownInputFilter($tables) => $result,
+            MethodConfiguration::ReducedOrderObserver($tables) => $result,
             MethodConfiguration::ChiSquare($tables) => $result,
         }
     };
@@ -59,6 +63,7 @@ impl MethodConfiguration {
     pub fn design(&self, sample_time_s: f64) -> Result<Designed, Refusal> {
         match self {
             Self::UnknownInputFilter(tables) => with_parity_tests(tables, sample_time_s),
+            Self::ReducedOrderObserver(tables) => tables.design(sample_time_s),
             Self::ChiSquare(tables) => tables.design(sample_time_s),
         }
     }
@@ -75,6 +80,7 @@ impl Method {
     pub(super) fn keys(self) -> &'static [&'static str] {
         match self {
             Self::UnknownInputFilter => keys_of::<UnknownInputFilterTables>(),
+            Self::ReducedOrderObserver => keys_of::<ReducedOrderObserverOptions>(),
             Self::ChiSquare => keys_of::<ChiSquareOptions>(),
         }
     }
@@ -91,6 +97,9 @@ impl Method {
         match self {
             Self::UnknownInputFilter => {
                 read(table, span, path, others, mistakes).map(MethodConfiguration::UnknownInputFilter)
+            }
+            Self::ReducedOrderObserver => {
+                read(table, span, path, others, mistakes).map(MethodConfiguration::ReducedOrderObserver)
             }
             Self::ChiSquare => read(table, span, path, others, mistakes).map(MethodConfiguration::ChiSquare),
         }

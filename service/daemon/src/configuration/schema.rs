@@ -99,6 +99,7 @@ pub(super) struct Diagnoser {
 #[serde(rename_all = "snake_case")]
 pub(super) enum Method {
     UnknownInputFilter,
+    ReducedOrderObserver,
     ChiSquare,
 }
 

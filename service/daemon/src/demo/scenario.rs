@@ -3,7 +3,7 @@
 use clap::Args;
 
 use super::plants::aircraft::{self, Disturbance};
-use super::plants::{Source, scalar};
+use super::plants::{Source, scalar, servo};
 
 /// What a viewer may vary.
 #[derive(Clone, Debug, Args)]
@@ -88,6 +88,23 @@ pub const SCENARIOS: &[Scenario] = &[
             isolates: Some("longitudinal_cyclic_pitch"),
         }],
         in_all: false,
+    },
+    Scenario {
+        name: "servo",
+        method: "reduced_order_observer",
+        title: "the actuator of a servo gets an offset",
+        configuration: include_str!("../../../../deploy/config/servo.toml"),
+        speed: 4.0,
+        duration_s: 15.0,
+        plants: servo::sources,
+        expectations: &[Expectation {
+            diagnoser: "servo_actuator",
+            fault: "offset of 0.5",
+            onset_s: 5.1,
+            detect_within_s: 2.0,
+            isolates: Some("actuator"),
+        }],
+        in_all: true,
     },
     Scenario {
         name: "scalar",

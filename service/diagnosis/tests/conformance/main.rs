@@ -14,6 +14,7 @@ mod case;
 mod false_alarms;
 mod plant;
 mod properties;
+mod reduced_order_observer;
 mod unknown_input_filter;
 
 /// One test per property for a case, in a module of the case's name.

@@ -12,7 +12,7 @@ use residual_diagnosis::{
 };
 use serde_json::Value;
 
-/// A reference file of the method `unknown_input_filter`: beside the workspace, or the copy in the tests.
+/// A reference file of the method `unknown_input_filter`.
 pub fn reference(name: &str) -> Value {
     reference_of("unknown_input_filter", name)
 }

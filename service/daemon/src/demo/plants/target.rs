@@ -66,6 +66,8 @@ pub struct Target {
     input: DMatrix<f64>,
     state: DVector<f64>,
     next_sample: [u64; 3],
+    /// Whether the fault has been told.
+    announced: bool,
     draw: Draw,
 }
 
@@ -91,6 +93,7 @@ impl Target {
             input,
             state: DVector::from_column_slice(&[0.0, 5.0, 0.0, 5.0]),
             next_sample: SENSORS.map(|sensor| sensor.first_tick),
+            announced: false,
             draw: Draw::new(seed),
         }
     }
@@ -120,13 +123,14 @@ impl Ticking for Target {
             let jitter = if self.draw.chance(0.5) { 0 } else { sensor.jitter };
             self.next_sample[place] = k + sensor.ticks + jitter;
             let elements = self.measure();
+            let announced = std::mem::replace(&mut self.announced, k >= FIRST_FAULTY_TICK);
+            let event = (self.announced && !announced).then(|| "actuator 2 of the target fails".to_owned());
             let arrives = self.draw.chance(sensor.arrival_probability);
             emissions.push(Emission {
                 time_ns: k * TICK_NS,
                 input: sensor.input,
                 elements: arrives.then_some(elements),
-                event: (k >= FIRST_FAULTY_TICK && k < FIRST_FAULTY_TICK + 3)
-                    .then(|| "actuator 2 of the target fails".to_owned()),
+                event,
             });
         }
         self.advance(if k >= FIRST_FAULTY_TICK { FAULT } else { 0.0 });

@@ -1,0 +1,126 @@
+//! From the tables of a configuration to the diagnoser.
+
+use super::{
+    baseline::BaselineObserver,
+    design::Design,
+    joint::ReducedOrderObserver,
+    observer_design::ObserverDesign,
+    options::{Mode, ReducedOrderObserverOptions},
+};
+use crate::{
+    diagnoser::Diagnoser,
+    method::{Designed, MethodOptions, Refusal},
+};
+use nalgebra::{DMatrix, DVector};
+
+impl MethodOptions for ReducedOrderObserverOptions {
+    const METHOD: &'static str = "reduced_order_observer";
+
+    fn signal_counts(&self) -> (usize, usize) {
+        (self.model.c.len(), self.model.b.first().map_or(0, Vec::len))
+    }
+
+    fn name_signals(&mut self, measurements: &[(String, String)], commands: &[(String, String)]) {
+        let list = |signals: &[(String, String)], part: fn(&(String, String)) -> &String| {
+            signals.iter().map(|signal| part(signal).clone()).collect()
+        };
+        let model = &mut self.model;
+        model
+            .output_names
+            .get_or_insert_with(|| list(measurements, |signal| &signal.0));
+        model
+            .output_units
+            .get_or_insert_with(|| list(measurements, |signal| &signal.1));
+        model
+            .actuator_names
+            .get_or_insert_with(|| list(commands, |signal| &signal.0));
+        model
+            .actuator_units
+            .get_or_insert_with(|| list(commands, |signal| &signal.1));
+    }
+
+    fn validate(&self, _sample_time_s: f64) -> Result<(), Refusal> {
+        Ok(self.check()?)
+    }
+
+    fn design(&self, _sample_time_s: f64) -> Result<Designed, Refusal> {
+        let design = Design::new(self)?;
+        let diagnoser: Box<dyn Diagnoser> = match self.bounds.mode {
+            Mode::Joint => Box::new(ReducedOrderObserver::new(&design)?),
+            Mode::Paper | Mode::Tiom => Box::new(BaselineObserver::new(&design)?),
+        };
+        Ok(Designed {
+            diagnoser,
+            notes: notes(&design),
+            warnings: design.warnings,
+        })
+    }
+}
+
+/// What the design found, for people.
+fn notes(design: &Design) -> Vec<(&'static str, String)> {
+    let main = &design.main;
+    let mut notes = vec![
+        ("gains", design.source.clone()),
+        ("K", matrix(&main.observer.k)),
+        ("M", matrix(&main.observer.m)),
+        ("eigenvalues of F", eigenvalues(main)),
+        ("table length", main.reach.length().to_string()),
+        ("test directions", main.tests.nrows().to_string()),
+        ("steady half widths of the outputs", list(&main.hull())),
+    ];
+    if design.options.bounds.mode == Mode::Joint {
+        notes.push((
+            "constant faults certain to alarm, outputs alone",
+            list(&main.hull_floors()),
+        ));
+        notes.push((
+            "constant faults certain to alarm, all directions",
+            list(&main.set_floors()),
+        ));
+    }
+    if let Some(certificate) = &design.certificate {
+        let weight = format!(
+            "delta {:e}, largest change {:e}",
+            certificate.delta, certificate.decrease
+        );
+        notes.push(("Lyapunov certificate", weight));
+    }
+    for (kind, designs) in [
+        ("isolation member", &design.isolation.members),
+        ("fault estimator", &design.isolation.estimators),
+    ] {
+        for member in designs {
+            let actuator = member.actuator.unwrap_or_default();
+            let text = format!(
+                "actuator {actuator}: eigenvalues of F {}, steady half widths {}",
+                eigenvalues(member),
+                list(&member.steady())
+            );
+            notes.push((kind, text));
+        }
+    }
+    notes
+}
+
+fn eigenvalues(design: &ObserverDesign) -> String {
+    let values = design.eigenvalues().unwrap_or_default();
+    let texts = values.iter().map(|value| match value.im {
+        0.0 => format!("{:.6}", value.re),
+        im => format!("{:.6}{im:+.6}i", value.re),
+    });
+    format!("[{}]", texts.collect::<Vec<_>>().join(", "))
+}
+
+fn list(values: &DVector<f64>) -> String {
+    let texts: Vec<String> = values.iter().map(|value| format!("{value:.6}")).collect();
+    format!("[{}]", texts.join(", "))
+}
+
+fn matrix(matrix: &DMatrix<f64>) -> String {
+    let rows = matrix.row_iter().map(|row| {
+        let texts: Vec<String> = row.iter().map(f64::to_string).collect();
+        format!("[{}]", texts.join(", "))
+    });
+    format!("[{}]", rows.collect::<Vec<_>>().join(", "))
+}

@@ -1,0 +1,123 @@
+//! `zonotope.json`: order reduction, the paper's recursion, membership.
+
+use crate::fixtures::{dense, file, list};
+use crate::support::{assert_close, numbers, rows};
+use nalgebra::{DMatrix, DVector};
+use residual_diagnosis::{
+    diagnoser::Diagnoser,
+    matrix::Matrix,
+    reduced_order_observer::{
+        BaselineObserver,
+        design::Design,
+        options::{Gains, Mode, ModelOptions, ObserverM, ReducedOrderObserverOptions},
+    },
+    zonotope::{Reducer, Reduction},
+};
+
+fn columns(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    let mut out: Vec<Vec<f64>> = matrix.column_iter().map(|column| column.iter().copied().collect()).collect();
+    out.sort_by(|left, right| left.partial_cmp(right).unwrap());
+    out
+}
+
+#[test]
+fn the_reduction_keeps_the_longest_columns_and_boxes_the_rest() {
+    let reduction = &file("zonotope.json")["reduction"];
+    let full = Matrix::from(&dense(&reduction["H"]));
+    for (order, expected) in reduction["reduced"].as_object().unwrap() {
+        let order: usize = order.parse().unwrap();
+        let mut reduced = full.clone();
+        Reducer::new(Reduction::Euclidean, 2, 7).reduce(&mut reduced, order);
+        let expected = dense(expected);
+        for (found, expected) in columns(&reduced.to_dense()).iter().zip(columns(&expected)) {
+            assert_close(&format!("order {order}"), found, &expected, 1e-12);
+        }
+    }
+}
+
+/// The recursion with M = 0.8 rot(60°) is that of the paper's mode of a plant without hidden states.
+fn recursion_options(mode: Mode, order: usize) -> ReducedOrderObserverOptions {
+    let recursion = &file("zonotope.json")["recursion"];
+    let m = rows(&recursion["M"]);
+    let mut options = ReducedOrderObserverOptions {
+        model: ModelOptions {
+            a: m.clone(),
+            b: vec![vec![1.0], vec![0.0]],
+            c: vec![vec![1.0, 0.0], vec![0.0, 1.0]],
+            d: rows(&recursion["D1"]),
+            initial_state_lower: numbers(&recursion["initial_lower"]),
+            initial_state_upper: numbers(&recursion["initial_upper"]),
+            disturbance_lower: numbers(&recursion["disturbance_lower"]),
+            disturbance_upper: numbers(&recursion["disturbance_upper"]),
+            ..ModelOptions::default()
+        },
+        ..ReducedOrderObserverOptions::default()
+    };
+    options.bounds.mode = mode;
+    options.bounds.generator_order = Some(order);
+    options.bounds.rounding_tolerance = 1e-14;
+    options.design.gains = Gains::Given;
+    options.design.k = Some(vec![]);
+    options.design.observer_m = ObserverM::Matrix(m);
+    options
+}
+
+/// Centres and half widths of the bounds with samples that all miss but the first.
+fn bounds(mode: Mode, order: usize, steps: usize) -> (Vec<f64>, Vec<f64>) {
+    let mut diagnoser = BaselineObserver::new(&Design::new(&recursion_options(mode, order)).unwrap()).unwrap();
+    let (mut centres, mut widths) = (Vec::new(), Vec::new());
+    for _ in 0..steps {
+        let y = diagnoser.observer_state().0.to_vec();
+        let record = crate::fixtures::step(&mut diagnoser, &y, &[0.0]);
+        for channel in &record.channels()[..2] {
+            centres.push((channel.lower + channel.upper) / 2.0);
+            widths.push((channel.upper - channel.lower) / 2.0);
+        }
+    }
+    assert!(diagnoser.description().channels.len() == 3);
+    (centres, widths)
+}
+
+#[test]
+fn the_papers_recursion_agrees_for_every_order_and_the_interval_recursion_equals_the_smallest() {
+    let recursion = &file("zonotope.json")["recursion"];
+    let steps = recursion["center"].as_array().unwrap().len();
+    for (order, expected) in recursion["half_width_by_order"].as_object().unwrap() {
+        let (centres, widths) = bounds(Mode::Paper, order.parse().unwrap(), steps);
+        assert_close("centre", &centres, &numbers(&recursion["center"]), 1e-9);
+        // With order 10 two columns of one length 0.8^12 stand at the cut of k = 13: rounding decides there.
+        let count = if order == "10" { 2 * 14 } else { widths.len() };
+        assert_close(&format!("order {order}"), &widths[..count], &numbers(expected)[..count], 1e-9);
+    }
+    let (centres, widths) = bounds(Mode::Tiom, 2, steps);
+    assert_close("centre", &centres, &numbers(&recursion["center"]), 1e-9);
+    assert_close("interval", &widths, &numbers(&recursion["tiom_half_width"]), 1e-9);
+}
+
+#[test]
+fn with_order_p_the_zonotope_diverges_although_m_is_schur_and_larger_orders_stay_near_the_exact_width() {
+    let (_, boxed) = bounds(Mode::Paper, 2, 201);
+    assert!(boxed[400] / boxed[0] > 1e8, "{}", boxed[400]);
+    let (_, exact) = bounds(Mode::Paper, 400, 201);
+    for (order, most) in [(5, 1.08), (20, 0.05), (40, 0.001)] {
+        let (_, widths) = bounds(Mode::Paper, order, 201);
+        let excess = widths[400] / exact[400] - 1.0;
+        assert!(excess >= -1e-12 && excess < most, "{order}: {excess}");
+    }
+}
+
+#[test]
+fn facet_normals_decide_membership_as_the_linear_program_does() {
+    for name in ["membership_2d", "membership_3d"] {
+        let case = &file("zonotope.json")[name];
+        let (h, normals) = (dense(&case["H"]), dense(&case["facet_normals"]));
+        let support: DVector<f64> = (&normals * &h).abs().column_sum();
+        assert_close("support", &list(&support), &numbers(&case["support"]), 1e-12);
+        let gauges = numbers(&case["gauge"]);
+        for (point, gauge) in rows(&case["points"]).into_iter().zip(gauges) {
+            let image = &normals * DVector::from_vec(point);
+            let found = image.component_div(&support).amax();
+            assert!((found - gauge).abs() < 1e-9, "{found} instead of {gauge}");
+        }
+    }
+}
