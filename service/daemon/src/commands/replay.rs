@@ -1,5 +1,6 @@
 //! `residuald replay`: a recording instead of sensors.
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -233,19 +234,21 @@ pub fn execute(arguments: &ReplayArguments) -> Result<(), ReplayError> {
             return Err(error.into());
         }
         if arguments.table.is_none() && !arguments.totals {
-            bar.suspend(|| print!("{}", report.last_run()));
+            bar.suspend(|| say(&report.last_run()));
         }
     }
     bar.finish_and_clear();
-    match arguments.table {
-        Some(format) => print!(
-            "{}",
-            DetectionTable::new(report.diagnosers(), report.runs()).show(format)
-        ),
-        None => print!("{}", report.totals()),
-    }
+    say(&match arguments.table {
+        Some(format) => DetectionTable::new(report.diagnosers(), report.runs()).show(format),
+        None => report.totals(),
+    });
     writer.map_or(Ok(()), RecordWriter::finish)?;
     Ok(())
+}
+
+/// Prints a report; whoever stops reading it halfway has read enough.
+fn say(report: &str) {
+    let _ = std::io::stdout().write_all(report.as_bytes());
 }
 
 /// A bar with counts, times and a message.
