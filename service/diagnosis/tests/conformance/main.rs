@@ -10,6 +10,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, unsafe_code)]
 
 mod allocation;
+mod async_imm;
 mod case;
 mod false_alarms;
 mod plant;
