@@ -4,6 +4,7 @@ use super::deserialise::{keys_of, read};
 use super::locate::Mistakes;
 use super::parity_design::with_parity_tests;
 use super::schema::Method;
+use residual_diagnosis::async_imm::options::AsyncImmTables;
 use residual_diagnosis::chi_square::ChiSquareOptions;
 use residual_diagnosis::method::{Designed, MethodOptions, Refusal};
 use residual_diagnosis::reduced_order_observer::options::ReducedOrderObserverOptions;
@@ -18,6 +19,8 @@ pub enum MethodConfiguration {
     UnknownInputFilter(UnknownInputFilterTables),
     /// `method = "reduced_order_observer"`: decoupled observers with zonotopic bounds.
     ReducedOrderObserver(ReducedOrderObserverOptions),
+    /// `method = "async_imm"`: interacting multiple models on asynchronous sensors under packet loss.
+    AsyncImm(AsyncImmTables),
     /// `method = "chi_square"`: state and residual χ² tests, likelihood ratio, cumulative sums.
     ChiSquare(ChiSquareOptions),
 }
@@ -28,6 +31,7 @@ macro_rules! for_each_method {
         match $configuration {
             MethodConfiguration::UnknownInputFilter($tables) => $result,
             MethodConfiguration::ReducedOrderObserver($tables) => $result,
+            MethodConfiguration::AsyncImm($tables) => $result,
             MethodConfiguration::ChiSquare($tables) => $result,
         }
     };
@@ -64,6 +68,7 @@ impl MethodConfiguration {
         match self {
             Self::UnknownInputFilter(tables) => with_parity_tests(tables, sample_time_s),
             Self::ReducedOrderObserver(tables) => tables.design(sample_time_s),
+            Self::AsyncImm(tables) => tables.design(sample_time_s),
             Self::ChiSquare(tables) => tables.design(sample_time_s),
         }
     }
@@ -81,6 +86,7 @@ impl Method {
         match self {
             Self::UnknownInputFilter => keys_of::<UnknownInputFilterTables>(),
             Self::ReducedOrderObserver => keys_of::<ReducedOrderObserverOptions>(),
+            Self::AsyncImm => keys_of::<AsyncImmTables>(),
             Self::ChiSquare => keys_of::<ChiSquareOptions>(),
         }
     }
@@ -101,6 +107,7 @@ impl Method {
             Self::ReducedOrderObserver => {
                 read(table, span, path, others, mistakes).map(MethodConfiguration::ReducedOrderObserver)
             }
+            Self::AsyncImm => read(table, span, path, others, mistakes).map(MethodConfiguration::AsyncImm),
             Self::ChiSquare => read(table, span, path, others, mistakes).map(MethodConfiguration::ChiSquare),
         }
     }

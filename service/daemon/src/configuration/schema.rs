@@ -100,6 +100,7 @@ pub(super) struct Diagnoser {
 pub(super) enum Method {
     UnknownInputFilter,
     ReducedOrderObserver,
+    AsyncImm,
     ChiSquare,
 }
 

@@ -3,7 +3,7 @@
 use clap::Args;
 
 use super::plants::aircraft::{self, Disturbance};
-use super::plants::{Source, scalar, servo};
+use super::plants::{Source, scalar, servo, target};
 
 /// What a viewer may vary.
 #[derive(Clone, Debug, Args)]
@@ -103,6 +103,23 @@ pub const SCENARIOS: &[Scenario] = &[
             onset_s: 5.1,
             detect_within_s: 2.0,
             isolates: Some("actuator"),
+        }],
+        in_all: true,
+    },
+    Scenario {
+        name: "target",
+        method: "async_imm",
+        title: "an actuator of a turning target fails, seen by three sensors without a common clock, with losses",
+        configuration: include_str!("../../../../deploy/config/turning_target.toml"),
+        speed: 4.0,
+        duration_s: 40.0,
+        plants: target::sources,
+        expectations: &[Expectation {
+            diagnoser: "turning_target",
+            fault: "acceleration of 2 m/s^2",
+            onset_s: 16.5,
+            detect_within_s: 15.0,
+            isolates: Some("actuator 2"),
         }],
         in_all: true,
     },

@@ -13,6 +13,7 @@ mod allocation;
 mod async_imm;
 mod case;
 mod false_alarms;
+mod hinf_filter;
 mod plant;
 mod properties;
 mod reduced_order_observer;
