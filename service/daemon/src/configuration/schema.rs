@@ -101,6 +101,7 @@ pub(super) enum Method {
     UnknownInputFilter,
     ReducedOrderObserver,
     AsyncImm,
+    HinfFilter,
     ChiSquare,
 }
 

@@ -5,11 +5,11 @@ use super::{
     design::{Form, ImmDesign},
     design_error::DesignError,
     inputs::{InputHistory, microseconds},
-    joseph::JosephSteps,
-    mixing::{Mixer, log_sum_exp},
+    mixing::Mixer,
+    probability::update_probability,
     propagator::Propagator,
+    recursion::Recursion,
     sensor::SensorModel,
-    square_root::RootSteps,
     state::{ModeState, Posterior},
     transition::TransitionTable,
 };
@@ -59,17 +59,6 @@ pub struct ImmEstimator {
     log_weight: Vec<f64>,
 }
 
-#[derive(Clone)]
-enum Recursion {
-    Joseph(JosephSteps),
-    Root(RootSteps),
-    Batch {
-        steps: JosephSteps,
-        update: Box<BatchUpdate>,
-        updated: Vec<ModeState>,
-    },
-}
-
 impl ImmEstimator {
     /// The bank of a design; `max_slots` bounds the samples of one interval in the batch form.
     ///
@@ -77,8 +66,7 @@ impl ImmEstimator {
     /// [`DesignError`]: the first condition of method sheet 3 that does not hold.
     pub fn new(design: &ImmDesign, max_slots: usize) -> Result<Self, DesignError> {
         super::checks::check(design)?;
-        let (nx, _, channels) = design.plant.sizes();
-        let (n, widest, modes) = (design.filter_states(), design.widest_sensor(), design.modes.len());
+        let (n, modes) = (design.filter_states(), design.modes.len());
         let prior = Posterior::prior(design, 0);
         let with_root = design.form == Form::SequentialSquareRoot;
         let mut propagators = Vec::new();
@@ -97,15 +85,7 @@ impl ImmEstimator {
             };
             propagator_of.push(place);
         }
-        let recursion = match design.form {
-            Form::Sequential => Recursion::Joseph(JosephSteps::new(modes, n, widest)),
-            Form::SequentialSquareRoot => Recursion::Root(RootSteps::new(modes, n, widest)),
-            Form::BatchUnobserved => Recursion::Batch {
-                steps: JosephSteps::new(modes, n, widest),
-                update: Box::new(BatchUpdate::new(max_slots, widest, nx, channels, n)),
-                updated: prior.modes.clone(),
-            },
-        };
+        let recursion = Recursion::new(design, &prior.modes, max_slots);
         Ok(Self {
             directions: design
                 .modes
@@ -248,31 +228,12 @@ impl ImmEstimator {
             held.copy_from_slice(sample.values);
         }
         self.predict(window.begin_ns, window.end_ns, commands);
-        if !self.update_all_at_once() {
+        let all =
+            self.recursion
+                .update_all_at_once(&self.directions, &mut self.mixed, &mut self.log_likelihood);
+        if !all {
             report.update_rejected += std::mem::take(&mut report.used);
         }
-    }
-
-    /// Theorem 1 in every mode, or in none.
-    fn update_all_at_once(&mut self) -> bool {
-        let Recursion::Batch { update, updated, .. } = &mut self.recursion else {
-            return true;
-        };
-        if update.is_empty() {
-            return true;
-        }
-        for (m, state) in updated.iter_mut().enumerate() {
-            state.copy_from(&self.mixed[m]);
-            match update.update(&self.directions[m], state) {
-                Some(log_likelihood) => self.log_likelihood[m] = log_likelihood,
-                None => {
-                    self.log_likelihood.fill(0.0);
-                    return false;
-                }
-            }
-        }
-        std::mem::swap(updated, &mut self.mixed);
-        true
     }
 
     fn is_well_formed(&self, sample: &Sample<'_>) -> bool {
@@ -293,13 +254,8 @@ impl ImmEstimator {
         for (m, state) in self.mixed.iter_mut().enumerate() {
             let propagator = &self.propagators[self.propagator_of[m]];
             let (interval, direction) = (propagator.interval(), &self.directions[m]);
-            match (&mut self.recursion, propagator.noise_root()) {
-                (Recursion::Root(steps), Some(root)) => steps.predict(interval, root, direction, state),
-                (Recursion::Joseph(steps) | Recursion::Batch { steps, .. }, _) => {
-                    steps.predict(interval, direction, state);
-                }
-                (Recursion::Root(_), None) => {}
-            }
+            self.recursion
+                .predict(interval, propagator.noise_root(), direction, state);
         }
     }
 
@@ -307,21 +263,12 @@ impl ImmEstimator {
     fn update(&mut self, sample: &Sample<'_>) -> bool {
         let sensor = &self.sensors[sample.sensor];
         for (m, state) in self.mixed.iter().enumerate() {
-            let sound = match &mut self.recursion {
-                Recursion::Joseph(steps) => steps.innovate(m, state, sensor, sample.values),
-                Recursion::Root(steps) => steps.innovate(m, state, sensor, sample.values),
-                Recursion::Batch { .. } => false,
-            };
-            if !sound {
+            if !self.recursion.innovate(m, state, sensor, sample.values) {
                 return false;
             }
         }
         for (m, state) in self.mixed.iter_mut().enumerate() {
-            self.log_likelihood[m] += match &mut self.recursion {
-                Recursion::Joseph(steps) => steps.update(m, state, sensor),
-                Recursion::Root(steps) => steps.update(m, state, sensor),
-                Recursion::Batch { .. } => 0.0,
-            };
+            self.log_likelihood[m] += self.recursion.update(m, state, sensor);
         }
         true
     }
@@ -335,32 +282,6 @@ impl ImmEstimator {
             log_probability,
         )
     }
-}
-
-/// (76) in the log domain: g = log c + ℓ, log μ = (g - max g) - ln Σ e^{g - max g}; true if no g is finite, so
-/// that log μ = log c.
-pub fn update_probability(
-    log_predicted: &[f64],
-    log_likelihood: &[f64],
-    room: &mut [f64],
-    log_probability: &mut [f64],
-) -> bool {
-    let terms = log_predicted.iter().zip(log_likelihood);
-    for (g, (log_c, likelihood)) in room.iter_mut().zip(terms) {
-        let sum = log_c + likelihood;
-        *g = if sum.is_finite() { sum } else { f64::NEG_INFINITY };
-    }
-    let largest = room.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    if largest == f64::NEG_INFINITY {
-        log_probability.copy_from_slice(log_predicted);
-        return true;
-    }
-    room.iter_mut().for_each(|g| *g -= largest);
-    let total = log_sum_exp(room);
-    for (log_mu, g) in log_probability.iter_mut().zip(room.iter()) {
-        *log_mu = g - total;
-    }
-    false
 }
 
 #[derive(Clone, Copy)]

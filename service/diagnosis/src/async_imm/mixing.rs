@@ -9,6 +9,7 @@
 
 use super::{
     design::{Form, ImmDesign, Mixing},
+    probability::log_sum_exp,
     state::{ModeState, lower_factor},
 };
 use crate::matrix::{Matrix, triangularise};
@@ -218,18 +219,4 @@ fn carried_states(design: &ImmDesign, i: usize, m: usize) -> Vec<bool> {
     };
     let plant = std::iter::repeat_n(true, design.plant.sizes().0);
     plant.chain((0..design.slots()).map(slot)).collect()
-}
-
-/// log Σ e^{v}, -∞ of nothing but -∞.
-pub(super) fn log_sum_exp(values: &[f64]) -> f64 {
-    let largest = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    if largest == f64::NEG_INFINITY {
-        return largest;
-    }
-    largest
-        + values
-            .iter()
-            .map(|value| (value - largest).exp())
-            .sum::<f64>()
-            .ln()
 }

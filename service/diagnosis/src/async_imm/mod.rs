@@ -23,6 +23,7 @@
 //! the modes, Q and R.
 
 pub mod batch;
+mod batch_update;
 mod channels;
 pub mod checks;
 pub mod decision;
@@ -37,18 +38,22 @@ pub mod inputs;
 pub mod interval;
 mod joseph;
 mod memory;
+mod method;
 pub mod mixing;
 pub mod options;
 mod options_design;
 mod packet_store;
 pub mod plant;
+pub mod probability;
 pub mod propagator;
 mod reception;
+mod recursion;
 mod semidefinite;
 mod sensor;
 pub mod settings;
 mod square_root;
 pub mod state;
+mod stepping;
 mod time_varying;
 pub mod transition;
 mod transport;

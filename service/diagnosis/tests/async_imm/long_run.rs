@@ -42,7 +42,6 @@ fn wear(design: &ImmDesign, runs: u64, steps: usize) -> Worn {
 fn amplitudes_carried_along_shared_channels_stay_open_for_an_hour_without_fault() {
     let design = paper_design(Form::Sequential, Mixing::SharedChannel, stay(0.99));
     let worn = wear(&design, 8, 3600);
-    println!("{} {} {}", worn.early, worn.late, worn.normal);
     assert!(worn.late >= 0.9 * worn.early, "{} {}", worn.late, worn.early);
     assert!(worn.normal >= 0.94, "{}", worn.normal);
 }
@@ -51,7 +50,6 @@ fn amplitudes_carried_along_shared_channels_stay_open_for_an_hour_without_fault(
 fn amplitudes_mixed_among_all_modes_collapse_within_an_hour_with_the_papers_transition() {
     let design = paper_design(Form::Sequential, Mixing::All, paper_transition());
     let worn = wear(&design, 2, 3600);
-    println!("{} {} {}", worn.early, worn.late, worn.normal);
     assert!(
         worn.late < 0.01 && worn.early < 0.1,
         "{} {}",

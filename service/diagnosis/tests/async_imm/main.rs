@@ -2,10 +2,10 @@
 //!
 //! | module | what |
 //! |---|---|
-//! | `fixture` | designs, packets and runs from the reference files |
+//! | `fixture`, `random`, `simulation` | reference files, random designs, and the paper's example with random numbers |
 //! | `discretisation`, `units`, `scenarios`, `servo` | the reference files |
-//! | `simulation` | the paper's example with random numbers of its own |
-//! | `paper`, `long_run` | what the paper and the method sheet claim of it |
+//! | `stacked` | Theorem 1 against the covariance of all samples |
+//! | `paper`, `long_run`, `options` | what the paper and the method sheet claim |
 //! | `properties`, `rollback`, `packets`, `recovery` | what must hold for any plant and any packets |
 //! | `configuration`, `mistakes` | tables, and what is refused in them |
 //! | `allocation` | no allocation after construction |
@@ -20,6 +20,7 @@ mod discretisation;
 mod fixture;
 mod long_run;
 mod mistakes;
+mod options;
 mod packets;
 mod paper;
 mod properties;
@@ -29,4 +30,5 @@ mod rollback;
 mod scenarios;
 mod servo;
 mod simulation;
+mod stacked;
 mod units;

@@ -29,7 +29,6 @@ fn assert_target(what: &str, actual: f64, target: &Value) {
     let [value, tolerance] = numbers(target)[..] else {
         panic!("{what}: {target}")
     };
-    println!("{what}: {actual:.4}, expected {value} ± {tolerance}");
     assert!(
         (actual - value).abs() <= tolerance,
         "{what}: {actual}, expected {value} ± {tolerance}"
@@ -196,7 +195,6 @@ fn the_amplitude_need_not_be_known() {
             ..Plan::paper(200)
         };
         let found = Ensemble::new(&design, &ALL, plan).decisions(2, 0.5, 1);
-        println!("{amplitude}: {found:?}");
         assert!(
             (found.delay - delay).abs() < 0.4 && found.missed <= 2,
             "{amplitude}: {found:?}"

@@ -7,11 +7,12 @@ use residual_diagnosis::async_imm::{
     checks::{amplitude_gap, detectability_gap},
     decision::{DecisionRule, DecisionState},
     design::{Form, ImmDesign, Mixing, Mode, ModeTransition, Prior, Sensor},
-    estimator::{ImmEstimator, Sample, update_probability},
+    estimator::{ImmEstimator, Sample},
     fusion::Fusion,
     inputs::InputHistory,
     mixing::Mixer,
     plant::{LinearPlant, Plant},
+    probability::update_probability,
     state::ModeState,
     transition::{TransitionTable, equal_rate},
 };

@@ -12,6 +12,7 @@
 mod allocation;
 mod async_imm;
 mod case;
+mod chi_square;
 mod false_alarms;
 mod hinf_filter;
 mod plant;
