@@ -6,7 +6,10 @@ mod common;
 use common::{mistakes_of, repository};
 
 /// A method's document and its complete example, both in `deploy/config`.
-const METHODS: [(&str, &str); 1] = [("unknown_input_filter.md", "vtol.toml")];
+const METHODS: [(&str, &str); 2] = [
+    ("unknown_input_filter.md", "vtol.toml"),
+    ("chi_square.md", "vehicle.toml"),
+];
 
 fn read(name: &str) -> String {
     std::fs::read_to_string(repository("deploy/config").join(name)).unwrap()
