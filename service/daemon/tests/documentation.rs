@@ -6,9 +6,12 @@ mod common;
 use common::{mistakes_of, repository};
 
 /// A method's document and its complete example, both in `deploy/config`.
-const METHODS: [(&str, &str); 2] = [
+const METHODS: [(&str, &str); 5] = [
     ("unknown_input_filter.md", "vtol.toml"),
     ("reduced_order_observer.md", "servo.toml"),
+    ("async_imm.md", "turning_target.toml"),
+    ("chi_square.md", "vehicle.toml"),
+    ("hinf_filter.md", "two_state.toml"),
 ];
 
 fn read(name: &str) -> String {

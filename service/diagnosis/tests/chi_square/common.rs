@@ -3,8 +3,8 @@
 use crate::support::{numbers, reference_of, rows};
 use residual_diagnosis::{
     chi_square::{
-        ChiSquareDiagnoser, ChiSquareOptions, MatricesOptions, ModelOptions, Schedule, Signature, StabilityGuard,
-        StatisticKind, ThresholdMode,
+        ChiSquareDiagnoser, ChiSquareOptions, MatricesOptions, ModelOptions, Schedule, Signature,
+        StabilityGuard, StatisticKind, ThresholdMode,
     },
     diagnoser::{Diagnoser, StepInput, StepRecord},
 };
@@ -84,7 +84,8 @@ pub fn reference_options(file: &Value) -> ChiSquareOptions {
     options.statistics.enabled = ALL.to_vec();
     options.statistics.stability_guard = StabilityGuard::Warn;
     options.statistics.window_steps = crate::support::integers(&file["windows_steps"]);
-    options.statistics.two_propagator_reset_steps = file["two_propagator_reset_steps"].as_u64().unwrap() as usize;
+    options.statistics.two_propagator_reset_steps =
+        file["two_propagator_reset_steps"].as_u64().unwrap() as usize;
     options.glr.window_steps = file["glr_window_steps"].as_u64().unwrap() as usize;
     options.cusum.reference = file["cusum_reference"].as_f64().unwrap();
     options.threshold.false_alarm_probability = file["false_alarm_probability"].as_f64().unwrap();
@@ -154,7 +155,11 @@ pub fn step(diagnoser: &mut ChiSquareDiagnoser, z: &[f64], u: &[f64]) -> StepRec
 /// Fails unless |actual - expected| <= relative |expected| + absolute.
 pub fn assert_near(what: impl Fn() -> String, actual: f64, expected: f64, relative: f64, absolute: f64) {
     let limit = relative * expected.abs() + absolute;
-    assert!((actual - expected).abs() <= limit, "{}: {actual:e} instead of {expected:e}", what());
+    assert!(
+        (actual - expected).abs() <= limit,
+        "{}: {actual:e} instead of {expected:e}",
+        what()
+    );
 }
 
 /// L L'.

@@ -1,7 +1,8 @@
 //! Exact facts of the method sheet, section 8(a), and the arithmetic of calibration.
 
 use crate::common::{
-    assert_near, diagnoser, longitudinal, only, quarter_car, scalar, square, step, steps_only, without_calibration,
+    assert_near, diagnoser, longitudinal, only, quarter_car, scalar, square, step, steps_only,
+    without_calibration,
 };
 use residual_diagnosis::chi_square::{
     ChiSquareOptions, StabilityGuard, StatisticKind, ThresholdMode, chi_square_upper_quantile, non_centrality,
@@ -9,7 +10,9 @@ use residual_diagnosis::chi_square::{
 
 #[test]
 fn the_steady_filter_of_the_stable_example_has_the_printed_values() {
-    let design = diagnoser(&only(without_calibration(scalar(0.8)), StatisticKind::Residual)).design().clone();
+    let design = diagnoser(&only(without_calibration(scalar(0.8)), StatisticKind::Residual))
+        .design()
+        .clone();
     let steady = design.report.steady_state.unwrap();
     let (k, s) = (steady.gain[0], steady.innovation_covariance[0]);
     for (name, found, expected) in [
@@ -39,22 +42,54 @@ fn plain_propagator_covariance(a: f64, steps: usize) -> f64 {
 #[test]
 fn the_propagator_of_the_other_examples_grows_as_printed() {
     for k in [1, 17, 200] {
-        assert_near(|| format!("{k}"), plain_propagator_covariance(-1.0, k), 0.01 * k as f64, 1e-9, 0.0);
+        assert_near(
+            || format!("{k}"),
+            plain_propagator_covariance(-1.0, k),
+            0.01 * k as f64,
+            1e-9,
+            0.0,
+        );
     }
-    assert_near(|| "1.1".into(), plain_propagator_covariance(1.1, 200), 1.717334001310678e15, 1e-9, 0.0);
-    assert_near(|| "0.8".into(), plain_propagator_covariance(0.8, 200), 1.0 / 36.0, 1e-9, 0.0);
+    assert_near(
+        || "1.1".into(),
+        plain_propagator_covariance(1.1, 200),
+        1.717334001310678e15,
+        1e-9,
+        0.0,
+    );
+    assert_near(
+        || "0.8".into(),
+        plain_propagator_covariance(0.8, 200),
+        1.0 / 36.0,
+        1e-9,
+        0.0,
+    );
 }
 
 #[test]
 fn the_filters_of_the_other_examples_become_as_printed() {
     let steady = |a| {
-        let design = diagnoser(&only(without_calibration(scalar(a)), StatisticKind::Residual)).design().clone();
+        let design = diagnoser(&only(without_calibration(scalar(a)), StatisticKind::Residual))
+            .design()
+            .clone();
         design.report.steady_state.unwrap()
     };
     let golden = (5.0_f64.sqrt() - 1.0) / 2.0;
     assert_near(|| "K".into(), steady(-1.0).gain[0], golden, 1e-9, 0.0);
-    assert_near(|| "P".into(), steady(-1.0).covariance[0], 0.01 * golden, 1e-9, 0.0);
-    assert_near(|| "P".into(), steady(1.1).covariance[0], 0.006394799353235017, 1e-9, 0.0);
+    assert_near(
+        || "P".into(),
+        steady(-1.0).covariance[0],
+        0.01 * golden,
+        1e-9,
+        0.0,
+    );
+    assert_near(
+        || "P".into(),
+        steady(1.1).covariance[0],
+        0.006394799353235017,
+        1e-9,
+        0.0,
+    );
 }
 
 #[test]
@@ -120,7 +155,11 @@ fn calibrated_thresholds_lie_where_plant_simulations_put_them() {
     use StatisticKind::{Cusum, Glr, StateWindow};
     let threshold = |mut options: ChiSquareOptions, kind, run_steps| {
         options.threshold.mode = ThresholdMode::PerRun;
-        (options.threshold.glr, options.threshold.cusum, options.threshold.bank) = (0.0, 0.0, 0.0);
+        (
+            options.threshold.glr,
+            options.threshold.cusum,
+            options.threshold.bank,
+        ) = (0.0, 0.0, 0.0);
         options.threshold.false_alarm_probability = 5e-3;
         options.threshold.calibration_runs = 3000;
         options.threshold.run_steps = run_steps;
@@ -137,10 +176,25 @@ fn calibrated_thresholds_lie_where_plant_simulations_put_them() {
     for (name, found, low, high) in [
         ("CUSUM 0.25", threshold(scalar(0.8), Cusum, 200), 12.1, 12.5),
         ("CUSUM 0.5", threshold(sharp, Cusum, 200), 6.9, 7.2),
-        ("GLR, M = 60", threshold(steps_only(scalar(0.8), 60), Glr, 200), 16.3, 17.1),
+        (
+            "GLR, M = 60",
+            threshold(steps_only(scalar(0.8), 60), Glr, 200),
+            16.3,
+            17.1,
+        ),
         ("bank", threshold(scalar(0.8), StateWindow, 200), 1.93, 1.95),
-        ("longitudinal GLR", threshold(steps_only(longitudinal(), 60), Glr, 250), 18.4, 18.5),
-        ("longitudinal CUSUM", threshold(longitudinal(), Cusum, 250), 13.7, 14.3),
+        (
+            "longitudinal GLR",
+            threshold(steps_only(longitudinal(), 60), Glr, 250),
+            18.4,
+            18.5,
+        ),
+        (
+            "longitudinal CUSUM",
+            threshold(longitudinal(), Cusum, 250),
+            13.7,
+            14.3,
+        ),
     ] {
         println!("{name}: {found:.3}, expected {low} to {high}");
         let error = if found < 3.0 { 0.05 } else { 0.35 };
@@ -153,17 +207,28 @@ fn windows_of_five_see_a_constant_accelerometer_fault_of_the_quarter_car_and_win
     let mut options = only(without_calibration(quarter_car()), StatisticKind::StateWindow);
     options.statistics.window_steps = vec![5, 10];
     let report = diagnoser(&options).design().report.clone();
-    let accelerometer: Vec<_> = report.insensitive_windows.iter().filter(|window| window.sensor == 1).collect();
+    let accelerometer: Vec<_> = report
+        .insensitive_windows
+        .iter()
+        .filter(|window| window.sensor == 1)
+        .collect();
     assert_eq!(accelerometer.len(), 1, "{report:?}");
     assert_eq!(accelerometer[0].window_steps, 10);
     assert_near(|| "ratio".into(), accelerometer[0].ratio, 0.40, 0.0, 0.02);
-    assert!(report.warnings.iter().any(|warning| warning.contains("window 10")));
+    assert!(
+        report
+            .warnings
+            .iter()
+            .any(|warning| warning.contains("window 10"))
+    );
 }
 
 #[test]
 fn a_constant_bias_at_an_integrator_is_reported_to_leave_no_trace() {
     let fading = |a| {
-        let design = diagnoser(&steps_only(without_calibration(scalar(a)), 60)).design().clone();
+        let design = diagnoser(&steps_only(without_calibration(scalar(a)), 60))
+            .design()
+            .clone();
         design.report.fading_modes.len()
     };
     assert_eq!((fading(1.0), fading(0.8)), (1, 0));
@@ -177,7 +242,11 @@ fn the_square_root_form_keeps_the_rank_of_an_unstable_coupled_pair() {
     options.statistics.stability_guard = StabilityGuard::Warn;
     let mut diagnoser = diagnoser(&options);
     for k in 1..=200 {
-        step(&mut diagnoser, &[(k as f64).sin() * 0.1, (k as f64).cos() * 0.1], &[]);
+        step(
+            &mut diagnoser,
+            &[(k as f64).sin() * 0.1, (k as f64).cos() * 0.1],
+            &[],
+        );
         assert_eq!(diagnoser.outcome().plain.degrees, 2, "step {k}");
     }
 }
@@ -190,7 +259,13 @@ fn small_probabilities_are_extrapolated_with_the_slope_of_the_sheet() {
         options.threshold.run_false_alarm_probability = rate;
         diagnoser(&options).design().thresholds.cusum
     };
-    assert_near(|| "slope".into(), bound(1e-4) - bound(0.05), (0.05_f64 / 1e-4).ln() / 0.52, 1e-12, 0.0);
+    assert_near(
+        || "slope".into(),
+        bound(1e-4) - bound(0.05),
+        (0.05_f64 / 1e-4).ln() / 0.52,
+        1e-12,
+        0.0,
+    );
 }
 
 #[test]
@@ -201,10 +276,14 @@ fn statistics_that_decide_together_share_the_run_level_rate() {
     let design = diagnoser(&options).design().clone();
     let calibration = design.calibration.unwrap();
     let alarmed = |run: usize| {
-        calibration.statistics.iter().zip(&calibration.maxima).any(|(kind, maxima)| match kind {
-            StatisticKind::Glr => maxima[run] > design.thresholds.glr,
-            _ => maxima[run] > design.thresholds.cusum,
-        })
+        calibration
+            .statistics
+            .iter()
+            .zip(&calibration.maxima)
+            .any(|(kind, maxima)| match kind {
+                StatisticKind::Glr => maxima[run] > design.thresholds.glr,
+                _ => maxima[run] > design.thresholds.cusum,
+            })
     };
     let rate = (0..2000).filter(|run| alarmed(*run)).count() as f64 / 2000.0;
     assert!((0.0475..=0.0500).contains(&rate), "{rate}");

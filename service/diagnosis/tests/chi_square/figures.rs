@@ -35,7 +35,11 @@ const STEPS: usize = 200;
 
 fn simulate(a: f64, windows: &[usize], runs: usize, fault: impl Fn(f64) -> f64) -> Figure {
     let mut options = without_calibration(scalar(a));
-    options.statistics.enabled = vec![StatisticKind::Residual, StatisticKind::StatePlain, StatisticKind::StateWindow];
+    options.statistics.enabled = vec![
+        StatisticKind::Residual,
+        StatisticKind::StatePlain,
+        StatisticKind::StateWindow,
+    ];
     options.statistics.decision = vec![StatisticKind::Residual];
     options.statistics.window_steps = windows.to_vec();
     options.statistics.stability_guard = StabilityGuard::Warn;
@@ -80,7 +84,11 @@ fn simulate(a: f64, windows: &[usize], runs: usize, fault: impl Fn(f64) -> f64) 
             test.ever += f64::from(u8::from(ever[i]));
         }
     }
-    Figure { runs, tests, plain_changes }
+    Figure {
+        runs,
+        tests,
+        plain_changes,
+    }
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -94,7 +102,10 @@ impl Figure {
         let share = count / self.runs as f64;
         let error = (expected.max(0.001) * (1.0 - expected).max(0.001) / self.runs as f64).sqrt();
         println!("{what}: {share:.4}, expected {expected}");
-        assert!((share - expected).abs() <= 0.03 + 3.0 * error, "{what}: {share}, expected {expected}");
+        assert!(
+            (share - expected).abs() <= 0.03 + 3.0 * error,
+            "{what}: {share}, expected {expected}"
+        );
     }
 
     /// Median over all runs, a miss counting as infinite, ± 2 and what few runs leave open.
@@ -104,7 +115,10 @@ impl Figure {
         let found = median(delays);
         println!("{what}: median {found}, expected {expected}");
         let slack = if self.runs < 1000 { 4.0 } else { 2.0 };
-        assert!((found - expected).abs() <= slack, "{what}: {found}, expected {expected}");
+        assert!(
+            (found - expected).abs() <= slack,
+            "{what}: {found}, expected {expected}"
+        );
     }
 
     fn all_detect(&self, test: usize) {
@@ -133,7 +147,11 @@ fn figure_2(runs: usize) {
         // Bursts make the alarms of one run depend on each other: errors per run.
         let error = (0.005 * 0.995 / (runs * STEPS) as f64).sqrt() * burst;
         assert!((rate - 0.005).abs() < 4.0 * error, "rate {rate}");
-        assert!((alarms / bursts - burst).abs() < 0.05 + 2.0 / bursts.sqrt(), "burst {}", alarms / bursts);
+        assert!(
+            (alarms / bursts - burst).abs() < 0.05 + 2.0 / bursts.sqrt(),
+            "burst {}",
+            alarms / bursts
+        );
         figure.assert_share("figure 2", figure.tests[test].ever, ever);
     }
 }
@@ -152,26 +170,62 @@ fn figures_3_and_4(runs: usize) {
 fn figure_5(runs: usize) {
     let figure = simulate(-1.0, &[5, 10], runs, |age| 0.02 * age);
     figure.assert_median("figure 5 residual", RESIDUAL, 11.0);
-    figure.assert_share("figure 5 plain ever", figure.tests[PLAIN].delays.len() as f64, 0.12);
+    figure.assert_share(
+        "figure 5 plain ever",
+        figure.tests[PLAIN].delays.len() as f64,
+        0.12,
+    );
     figure.assert_share("figure 5 plain at the end", figure.tests[PLAIN].at_the_end, 0.031);
-    figure.assert_share("figure 5 window 10 at the end", figure.tests[WINDOW + 1].at_the_end, 0.008);
+    figure.assert_share(
+        "figure 5 window 10 at the end",
+        figure.tests[WINDOW + 1].at_the_end,
+        0.008,
+    );
 }
 
 fn figure_6(runs: usize) {
     let stable = simulate(0.8, &[10], runs, |_| 1.0);
     stable.assert_median("figure 6a residual", RESIDUAL, 0.0);
     stable.assert_median("figure 6a plain", PLAIN, 0.0);
-    stable.assert_share("figure 6a residual at the end", stable.tests[RESIDUAL].at_the_end, 0.18);
-    stable.assert_share("figure 6a plain at the end", stable.tests[PLAIN].at_the_end, 0.999);
+    stable.assert_share(
+        "figure 6a residual at the end",
+        stable.tests[RESIDUAL].at_the_end,
+        0.18,
+    );
+    stable.assert_share(
+        "figure 6a plain at the end",
+        stable.tests[PLAIN].at_the_end,
+        0.999,
+    );
     let unstable = simulate(1.1, &[10], runs, |_| 1.0);
     unstable.assert_median("figure 6b residual", RESIDUAL, 0.0);
-    unstable.assert_share("figure 6b residual at the end", unstable.tests[RESIDUAL].at_the_end, 0.03);
-    unstable.assert_share("figure 6b plain at the end", unstable.tests[PLAIN].at_the_end, 0.0025);
+    unstable.assert_share(
+        "figure 6b residual at the end",
+        unstable.tests[RESIDUAL].at_the_end,
+        0.03,
+    );
+    unstable.assert_share(
+        "figure 6b plain at the end",
+        unstable.tests[PLAIN].at_the_end,
+        0.0025,
+    );
     unstable.assert_median("figure 6b window 10", WINDOW, 11.0);
     let marginal = simulate(-1.0, &[5, 10], runs, |_| 1.0);
-    marginal.assert_share("figure 6c residual at the end", marginal.tests[RESIDUAL].at_the_end, 1.0);
-    marginal.assert_share("figure 6c plain ever", marginal.tests[PLAIN].delays.len() as f64, 0.096);
-    marginal.assert_share("figure 6c plain at the end", marginal.tests[PLAIN].at_the_end, 0.006);
+    marginal.assert_share(
+        "figure 6c residual at the end",
+        marginal.tests[RESIDUAL].at_the_end,
+        1.0,
+    );
+    marginal.assert_share(
+        "figure 6c plain ever",
+        marginal.tests[PLAIN].delays.len() as f64,
+        0.096,
+    );
+    marginal.assert_share(
+        "figure 6c plain at the end",
+        marginal.tests[PLAIN].at_the_end,
+        0.006,
+    );
     marginal.assert_share("N = 5 on a hard fault", marginal.tests[WINDOW].at_the_end, 0.89);
 }
 

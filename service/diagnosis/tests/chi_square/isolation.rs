@@ -5,7 +5,9 @@
 use crate::common::{diagnoser, longitudinal, quarter_car, step, without_calibration};
 use crate::plant::Plant;
 use residual_diagnosis::{
-    chi_square::{ChiSquareDiagnoser, ChiSquareOptions, ExclusionCheck, OnIsolation, Signature, StatisticKind},
+    chi_square::{
+        ChiSquareDiagnoser, ChiSquareOptions, ExclusionCheck, OnIsolation, Signature, StatisticKind,
+    },
     diagnoser::{Diagnoser, Verdict},
 };
 
@@ -75,16 +77,22 @@ fn isolation(options: &ChiSquareOptions, fault: Fault, at: usize, runs: u64) -> 
     let [mut likeliest, mut early, mut declared, mut right] = [0.0; 4];
     for seed in 0..runs {
         let mut first = None;
-        run(&mut diagnoser, options, fault, 70_000 + seed, |k, diagnoser, _, (verdict, faulty)| {
-            if k >= ONSET && verdict == Verdict::Isolated {
-                first.get_or_insert(faulty);
-            }
-            if k == at {
-                let best = diagnoser.outcome().likelihood_ratio().unwrap();
-                likeliest += f64::from(u8::from(diagnoser.modes()[best.mode].component == fault.sensor));
-                early += f64::from(u8::from(first.is_some()));
-            }
-        });
+        run(
+            &mut diagnoser,
+            options,
+            fault,
+            70_000 + seed,
+            |k, diagnoser, _, (verdict, faulty)| {
+                if k >= ONSET && verdict == Verdict::Isolated {
+                    first.get_or_insert(faulty);
+                }
+                if k == at {
+                    let best = diagnoser.outcome().likelihood_ratio().unwrap();
+                    likeliest += f64::from(u8::from(diagnoser.modes()[best.mode].component == fault.sensor));
+                    early += f64::from(u8::from(first.is_some()));
+                }
+            },
+        );
         declared += f64::from(u8::from(first.is_some()));
         right += f64::from(u8::from(first == Some(1 << fault.sensor)));
     }
@@ -103,18 +111,30 @@ fn isolation(options: &ChiSquareOptions, fault: Fault, at: usize, runs: u64) -> 
 
 fn step_faults(runs: u64) {
     let car = options(quarter_car(), 60, false);
-    let accelerometer = Fault { sensor: 1, size: 1.0, ramp: false };
+    let accelerometer = Fault {
+        sensor: 1,
+        size: 1.0,
+        ramp: false,
+    };
     let shares = isolation(&car, accelerometer, ONSET + 20, runs);
     assert!(shares.likeliest >= 0.97 && shares.declared[1] > 0.5 && shares.right >= 0.95);
     let vehicle = options(longitudinal(), 60, false);
-    let wheel = Fault { sensor: 1, size: 0.2, ramp: false };
+    let wheel = Fault {
+        sensor: 1,
+        size: 0.2,
+        ramp: false,
+    };
     let shares = isolation(&vehicle, wheel, ONSET + 10, runs);
     assert!(shares.likeliest >= 0.97 && shares.declared[1] >= 0.97 && shares.right >= 0.95);
 }
 
 /// A slow drift needs ramp signatures and a long window: sheet .41, .74 to .78, .99 (declared in .93).
 fn drift(runs: u64) {
-    let wheel = Fault { sensor: 1, size: 0.005, ramp: true };
+    let wheel = Fault {
+        sensor: 1,
+        size: 0.005,
+        ramp: true,
+    };
     let shares = |window_steps, ramps| {
         let mut options = options(longitudinal(), window_steps, ramps);
         options.statistics.decision = vec![StatisticKind::Glr];
@@ -128,7 +148,11 @@ fn drift(runs: u64) {
     assert!((short - 0.76).abs() < 0.05 + error, "{short}");
     let long = shares(120, true);
     assert!(long.likeliest >= 0.96, "{}", long.likeliest);
-    assert!((long.declared[0] - 0.93).abs() < 0.03 + error, "{:?}", long.declared);
+    assert!(
+        (long.declared[0] - 0.93).abs() < 0.03 + error,
+        "{:?}",
+        long.declared
+    );
     assert!(long.right > 0.88, "{}", long.right);
 }
 
@@ -141,26 +165,50 @@ fn position_error(fault: Fault, on_isolation: OnIsolation, runs: u64) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for seed in 0..runs {
         let mut isolated = None;
-        run(&mut diagnoser, &options, fault, 90_000 + seed, |k, diagnoser, plant, (verdict, faulty)| {
-            if k >= ONSET && verdict == Verdict::Isolated && faulty == 1 << fault.sensor {
-                isolated.get_or_insert(k);
-            }
-            if isolated.is_some_and(|isolated| (1..=60).contains(&(k - isolated))) {
-                sum += (diagnoser.estimate()[0] - plant.state[0]).powi(2);
-                count += 1.0;
-            }
-        });
+        run(
+            &mut diagnoser,
+            &options,
+            fault,
+            90_000 + seed,
+            |k, diagnoser, plant, (verdict, faulty)| {
+                if k >= ONSET && verdict == Verdict::Isolated && faulty == 1 << fault.sensor {
+                    isolated.get_or_insert(k);
+                }
+                if isolated.is_some_and(|isolated| (1..=60).contains(&(k - isolated))) {
+                    sum += (diagnoser.estimate()[0] - plant.state[0]).powi(2);
+                    count += 1.0;
+                }
+            },
+        );
     }
     (sum / count).sqrt()
 }
 
 fn exclusion(runs: u64) {
     for (fault, expected) in [
-        (Fault { sensor: 0, size: 5.0, ramp: false }, [1.59, 0.23, 0.18]),
-        (Fault { sensor: 1, size: 0.3, ramp: false }, [0.88, 0.28, 0.19]),
+        (
+            Fault {
+                sensor: 0,
+                size: 5.0,
+                ramp: false,
+            },
+            [1.59, 0.23, 0.18],
+        ),
+        (
+            Fault {
+                sensor: 1,
+                size: 0.3,
+                ramp: false,
+            },
+            [0.88, 0.28, 0.19],
+        ),
     ] {
-        let errors = [OnIsolation::Continue, OnIsolation::Exclude, OnIsolation::ExcludeAndCompensate]
-            .map(|rule| position_error(fault, rule, runs));
+        let errors = [
+            OnIsolation::Continue,
+            OnIsolation::Exclude,
+            OnIsolation::ExcludeAndCompensate,
+        ]
+        .map(|rule| position_error(fault, rule, runs));
         println!("position error {errors:.3?}, sheet {expected:?}");
         for (found, expected) in errors.into_iter().zip(expected) {
             // A root mean square over runs of which few contribute most.

@@ -38,13 +38,21 @@ fn quadratic_forms_agree_in_value_and_rank() {
 fn quantiles_agree_to_the_last_digits() {
     let kernels = file("kernels.json");
     for (probability, expected) in kernels["chi_square_upper_quantile"].as_object().unwrap() {
-        let Ok(probability) = probability.parse() else { continue };
+        let Ok(probability) = probability.parse() else {
+            continue;
+        };
         for (i, expected) in numbers(expected).into_iter().enumerate() {
             let found = chi_square_upper_quantile(probability, i + 1);
             assert_near(|| format!("{probability} {}", i + 1), found, expected, 1e-14, 0.0);
         }
     }
-    assert_near(|| "5e-3, 1".into(), chi_square_upper_quantile(5e-3, 1), 7.879438576622419, 1e-15, 0.0);
+    assert_near(
+        || "5e-3, 1".into(),
+        chi_square_upper_quantile(5e-3, 1),
+        7.879438576622419,
+        1e-15,
+        0.0,
+    );
 }
 
 #[test]
@@ -53,12 +61,29 @@ fn the_stability_guard_gives_the_expected_verdicts() {
         let factor = |name: &str| semidefinite_factor(&dense(&case[name])).unwrap();
         let (noise, start) = (factor("process_noise"), factor("initial_covariance"));
         let n = noise.nrows();
-        let excitation = DMatrix::from_fn(n, 2 * n, |i, j| if j < n { noise[(i, j)] } else { start[(i, j - n)] });
-        let found = stability(&dense(&case["transition"]), &excitation, &dense(&case["measurement"])).unwrap();
+        let excitation = DMatrix::from_fn(
+            n,
+            2 * n,
+            |i, j| if j < n { noise[(i, j)] } else { start[(i, j - n)] },
+        );
+        let found = stability(
+            &dense(&case["transition"]),
+            &excitation,
+            &dense(&case["measurement"]),
+        )
+        .unwrap();
         let name = || case["name"].to_string();
-        assert_eq!(found.verdict.name(), case["verdict"].as_str().unwrap(), "{}", name());
+        assert_eq!(
+            found.verdict.name(),
+            case["verdict"].as_str().unwrap(),
+            "{}",
+            name()
+        );
         let radii = [found.spectral_radius, found.effective_spectral_radius];
-        for (found, entry) in radii.into_iter().zip(["spectral_radius", "effective_spectral_radius"]) {
+        for (found, entry) in radii
+            .into_iter()
+            .zip(["spectral_radius", "effective_spectral_radius"])
+        {
             assert_near(name, found, case[entry].as_f64().unwrap(), 1e-6, 0.0);
         }
     }
@@ -71,7 +96,9 @@ fn a_run_on_the_fault_alone_gives_the_non_centralities() {
     let mut options = longitudinal();
     options.statistics.window_steps = vec![3, 9, 27];
     let last = *instants.last().unwrap();
-    let fault: Vec<Vec<f64>> = (1..=last).map(|k| vec![0.0, if k >= 60 { 0.3 } else { 0.0 }]).collect();
+    let fault: Vec<Vec<f64>> = (1..=last)
+        .map(|k| vec![0.0, if k >= 60 { 0.3 } else { 0.0 }])
+        .collect();
     let mut found = Vec::new();
     non_centrality(&options, &fault, |outcome| {
         let mut values = vec![outcome.residual.value, outcome.plain.value, outcome.pair.value];
@@ -79,7 +106,14 @@ fn a_run_on_the_fault_alone_gives_the_non_centralities() {
         found.push(values);
     })
     .unwrap();
-    let names = ["residual", "plain", "two_propagator_10", "window_3", "window_9", "window_27"];
+    let names = [
+        "residual",
+        "plain",
+        "two_propagator_10",
+        "window_3",
+        "window_9",
+        "window_27",
+    ];
     for (i, name) in names.into_iter().enumerate() {
         for (k, expected) in instants.iter().zip(numbers(&expected[name])) {
             assert_near(|| format!("{name} at {k}"), found[k - 1][i], expected, 1e-7, 1e-9);
@@ -106,11 +140,16 @@ fn false_alarm_rates_under_model_error_are_the_exact_ones() {
     let threshold = chi_square_upper_quantile(5e-3, 1);
     for case in file("kernels.json")["model_error"]["cases"].as_array().unwrap() {
         let value = |name: &str| case[name].as_f64().unwrap();
-        let (a, q, r) = (value("true_transition"), value("true_process_noise"), value("true_measurement_noise"));
+        let (a, q, r) = (
+            value("true_transition"),
+            value("true_process_noise"),
+            value("true_measurement_noise"),
+        );
         let b = value("unmodelled_input");
         // State (x, x̂, x_s), driven by w, v and the input: mean and covariance in the steady state.
         let (f, k) = (0.8, gain);
-        let transition = DMatrix::from_row_slice(3, 3, &[a, 0.0, 0.0, k * a, (1.0 - k) * f, 0.0, 0.0, 0.0, f]);
+        let transition =
+            DMatrix::from_row_slice(3, 3, &[a, 0.0, 0.0, k * a, (1.0 - k) * f, 0.0, 0.0, 0.0, f]);
         let noise = DMatrix::from_row_slice(3, 2, &[q.sqrt(), 0.0, k * q.sqrt(), k * r.sqrt(), 0.0, 0.0]);
         let (mut covariance, mut mean) = (DMatrix::zeros(3, 3), DMatrix::zeros(3, 1));
         let drive = DMatrix::from_row_slice(3, 1, &[b, k * b, 0.0]);
@@ -126,7 +165,19 @@ fn false_alarm_rates_under_model_error_are_the_exact_ones() {
         let residual = exceedance(threshold * s, nu_mean + b, nu_variance + q + r);
         let (beta_mean, beta_variance) = form(&beta);
         let plain = exceedance(threshold * t, beta_mean, beta_variance);
-        assert_near(|| format!("residual, {case}"), residual, value("residual_rate"), 1e-8, 0.0);
-        assert_near(|| format!("plain, {case}"), plain, value("state_plain_rate"), 1e-8, 0.0);
+        assert_near(
+            || format!("residual, {case}"),
+            residual,
+            value("residual_rate"),
+            1e-8,
+            0.0,
+        );
+        assert_near(
+            || format!("plain, {case}"),
+            plain,
+            value("state_plain_rate"),
+            1e-8,
+            0.0,
+        );
     }
 }

@@ -6,6 +6,7 @@ mod support;
 
 mod behaviour;
 mod common;
+mod examples;
 mod facts;
 mod figures;
 mod isolation;

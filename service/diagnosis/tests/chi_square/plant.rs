@@ -27,7 +27,9 @@ impl Draw {
     }
 
     pub fn matrix(&mut self, rows: usize, columns: usize, size: f64) -> Vec<Vec<f64>> {
-        (0..rows).map(|_| (0..columns).map(|_| size * self.normal()).collect()).collect()
+        (0..rows)
+            .map(|_| (0..columns).map(|_| size * self.normal()).collect())
+            .collect()
     }
 
     pub fn below(&mut self, count: usize) -> usize {
@@ -58,7 +60,13 @@ impl Plant {
         let dense = |rows: &[Vec<f64>]| matrix("", rows).unwrap();
         let (phi, h) = (dense(&model.transition), dense(&model.measurement));
         let inputs = model.matrices().input_count();
-        let or_zero = |rows: &[Vec<f64>], count| if rows.is_empty() { DMatrix::zeros(count, inputs) } else { dense(rows) };
+        let or_zero = |rows: &[Vec<f64>], count| {
+            if rows.is_empty() {
+                DMatrix::zeros(count, inputs)
+            } else {
+                dense(rows)
+            }
+        };
         let factor = |rows: &[Vec<f64>]| semidefinite_factor(&dense(rows)).unwrap();
         let q = factor(&model.process_noise_covariance);
         let noise = match model.process_noise_input.is_empty() {
@@ -96,7 +104,11 @@ fn square(rows: &[Vec<f64>], diagonal: f64) -> Vec<Vec<f64>> {
     let n = rows.len();
     let dot = |i: usize, j: usize| rows[i].iter().zip(&rows[j]).map(|(a, b)| a * b).sum::<f64>();
     (0..n)
-        .map(|i| (0..n).map(|j| dot(i, j) + if i == j { diagonal } else { 0.0 }).collect())
+        .map(|i| {
+            (0..n)
+                .map(|j| dot(i, j) + if i == j { diagonal } else { 0.0 })
+                .collect()
+        })
         .collect()
 }
 

@@ -1,10 +1,14 @@
 //! Properties of method sheet 8(b).
 
-use crate::common::{ALL, assert_near, diagnoser, longitudinal, quarter_car, scalar, square, step, without_calibration};
+use crate::common::{
+    ALL, assert_near, diagnoser, longitudinal, quarter_car, scalar, square, step, without_calibration,
+};
 use crate::plant::{Draw, Plant, random_matrices, random_options};
 use nalgebra::{DMatrix, DVector};
 use residual_diagnosis::{
-    chi_square::{ChiSquareDiagnoser, ChiSquareOptions, Schedule, StabilityGuard, Statistic, StatisticKind, StepModel},
+    chi_square::{
+        ChiSquareDiagnoser, ChiSquareOptions, Schedule, StabilityGuard, Statistic, StatisticKind, StepModel,
+    },
     diagnoser::{Diagnoser, StepRecord, Verdict},
 };
 
@@ -29,7 +33,11 @@ impl Definition {
         }
         let h = model.measurement.to_dense().select_rows(&rows);
         let d = model.feedthrough.to_dense().select_rows(&rows);
-        let r = model.measurement_noise.to_dense().select_rows(&rows).select_columns(&rows);
+        let r = model
+            .measurement_noise
+            .to_dense()
+            .select_rows(&rows)
+            .select_columns(&rows);
         let z = DVector::from_iterator(rows.len(), rows.iter().map(|i| z[*i]));
         let s = &h * &self.p * h.transpose() + &r;
         let gain = &self.p * h.transpose() * s.try_inverse().unwrap();
@@ -48,13 +56,26 @@ fn assert_difference(
 ) {
     let covariance = square(factor);
     for i in 0..difference.len() {
-        let scale = |i: usize| propagator.p[(i, i)].sqrt() + propagator.x[i].abs() + filter.x[i].abs() + 1e-12;
+        let scale =
+            |i: usize| propagator.p[(i, i)].sqrt() + propagator.x[i].abs() + filter.x[i].abs() + 1e-12;
         let expected = propagator.x[i] - filter.x[i];
-        assert_near(|| format!("{what} β_{i}"), difference[i], expected, 0.0, 1e-9 * scale(i));
+        assert_near(
+            || format!("{what} β_{i}"),
+            difference[i],
+            expected,
+            0.0,
+            1e-9 * scale(i),
+        );
         for j in 0..difference.len() {
             let expected = propagator.p[(i, j)] - filter.p[(i, j)];
             let scale = (propagator.p[(i, i)] * propagator.p[(j, j)]).sqrt() + 1e-12;
-            assert_near(|| format!("{what} T_{i}{j}"), covariance[(i, j)], expected, 0.0, 1e-9 * scale);
+            assert_near(
+                || format!("{what} T_{i}{j}"),
+                covariance[(i, j)],
+                expected,
+                0.0,
+                1e-9 * scale,
+            );
         }
     }
 }
@@ -65,7 +86,12 @@ const RESET: usize = 3;
 
 fn compare_with_definition(seed: u64) {
     let mut draw = Draw::new(seed);
-    let shape = [1 + draw.below(6), 1 + draw.below(4), draw.below(3), 1 + draw.below(4)];
+    let shape = [
+        1 + draw.below(6),
+        1 + draw.below(4),
+        draw.below(3),
+        1 + draw.below(4),
+    ];
     let models: Vec<StepModel> = (0..STEPS)
         .map(|_| StepModel::new(&random_matrices(&mut draw, shape), "").unwrap())
         .collect();
@@ -87,17 +113,30 @@ fn compare_with_definition(seed: u64) {
         let input = draw.normals(shape[2]);
         let lost = [0.0, 0.3, 1.0][draw.below(3)];
         let z: Vec<f64> = (0..shape[1])
-            .map(|_| if draw.chance(lost) { f64::NAN } else { 2.0 * draw.normal() })
+            .map(|_| {
+                if draw.chance(lost) {
+                    f64::NAN
+                } else {
+                    2.0 * draw.normal()
+                }
+            })
             .collect();
         diagnoser.set_model(model).unwrap();
         step(&mut diagnoser, &z, input.as_slice());
         filter.predict(model, &previous);
-        started.iter_mut().for_each(|propagator| propagator.predict(model, &previous));
+        started
+            .iter_mut()
+            .for_each(|propagator| propagator.predict(model, &previous));
         filter.correct(model, &input, &z);
         previous = input;
         for steps in [1, 4, 10] {
             let found = diagnoser.outcome().window_difference(steps).unwrap();
-            assert_difference(&format!("{seed} window {steps} at {k}"), found, &started[k.saturating_sub(steps)], &filter);
+            assert_difference(
+                &format!("{seed} window {steps} at {k}"),
+                found,
+                &started[k.saturating_sub(steps)],
+                &filter,
+            );
         }
         let plain = diagnoser.difference(StatisticKind::StatePlain).unwrap();
         assert_difference(&format!("{seed} plain at {k}"), plain, &started[0], &filter);
@@ -122,7 +161,9 @@ fn statistics_have_their_mean_and_tail_without_fault() {
     options.statistics.decision = vec![StatisticKind::Residual];
     options.statistics.window_steps = vec![3, 9];
     options.statistics.two_propagator_reset_steps = 4;
-    options.model.initial_covariance = (0..4).map(|i| (0..4).map(|j| if i == j { 1e-4 } else { 0.0 }).collect()).collect();
+    options.model.initial_covariance = (0..4)
+        .map(|i| (0..4).map(|j| if i == j { 1e-4 } else { 0.0 }).collect())
+        .collect();
     options.threshold.false_alarm_probability = probability;
     let mut diagnoser = diagnoser(&options);
     let thresholds = diagnoser.design().thresholds.residual.clone();
@@ -134,13 +175,24 @@ fn statistics_have_their_mean_and_tail_without_fault() {
         diagnoser.reset();
         for k in 1..=25 {
             let u = [(k as f64 * 0.7).sin() * 100.0];
-            let previous = if k == 1 { [0.0] } else { [((k - 1) as f64 * 0.7).sin() * 100.0] };
+            let previous = if k == 1 {
+                [0.0]
+            } else {
+                [((k - 1) as f64 * 0.7).sin() * 100.0]
+            };
             step(&mut diagnoser, &plant.next(&previous, &u), &u);
-            let Some(place) = instants.iter().position(|instant| *instant == k) else { continue };
+            let Some(place) = instants.iter().position(|instant| *instant == k) else {
+                continue;
+            };
             let outcome = diagnoser.outcome();
             let mut windows = outcome.windows().map(|(_, window)| window);
-            let statistics =
-                [outcome.residual, outcome.plain, outcome.pair, windows.next().unwrap(), windows.next().unwrap()];
+            let statistics = [
+                outcome.residual,
+                outcome.plain,
+                outcome.pair,
+                windows.next().unwrap(),
+                windows.next().unwrap(),
+            ];
             for (sums, Statistic { value, degrees }) in sums[place].iter_mut().zip(statistics) {
                 sums[0] += value;
                 sums[1] += value * value;
@@ -156,7 +208,13 @@ fn statistics_have_their_mean_and_tail_without_fault() {
             let error = ((squares / runs - mean * mean) / runs).sqrt();
             assert_near(|| format!("mean of {i} at {k}"), mean, degrees, 0.0, 4.0 * error);
             let error = (probability * (1.0 - probability) / runs).sqrt();
-            assert_near(|| format!("tail of {i} at {k}"), beyond / runs, probability, 0.0, 4.0 * error);
+            assert_near(
+                || format!("tail of {i} at {k}"),
+                beyond / runs,
+                probability,
+                0.0,
+                4.0 * error,
+            );
         }
     }
 }
@@ -166,7 +224,11 @@ fn statistics(diagnoser: &ChiSquareDiagnoser) -> (Vec<Statistic>, f64, Vec<f64>)
     let outcome = diagnoser.outcome();
     let mut list = vec![outcome.residual, outcome.plain, outcome.pair];
     list.extend(outcome.windows().map(|(_, window)| window));
-    (list, outcome.likelihood_ratio().map_or(0.0, |best| best.value), outcome.cusum.clone())
+    (
+        list,
+        outcome.likelihood_ratio().map_or(0.0, |best| best.value),
+        outcome.cusum.clone(),
+    )
 }
 
 fn assert_same_statistics(what: &str, one: &ChiSquareDiagnoser, other: &ChiSquareDiagnoser) {
@@ -207,7 +269,9 @@ fn units_of_the_states_and_the_order_of_the_sensors_change_nothing() {
                 model.initial_covariance[i][j] *= units[i] * units[j];
             }
             model.input[i].iter_mut().for_each(|value| *value *= units[i]);
-            model.process_noise_input[i].iter_mut().for_each(|value| *value *= units[i]);
+            model.process_noise_input[i]
+                .iter_mut()
+                .for_each(|value| *value *= units[i]);
             model.measurement.iter_mut().for_each(|row| row[i] /= units[i]);
             model.initial_state.as_mut().unwrap()[i] *= units[i];
         }
@@ -221,7 +285,15 @@ fn units_of_the_states_and_the_order_of_the_sensors_change_nothing() {
         let (mut one, mut two) = (diagnoser(&options), diagnoser(&other));
         for k in 0..30 {
             let u = [draw.normal()];
-            let z: Vec<f64> = (0..m).map(|_| if draw.chance(0.1) { f64::NAN } else { 2.0 * draw.normal() }).collect();
+            let z: Vec<f64> = (0..m)
+                .map(|_| {
+                    if draw.chance(0.1) {
+                        f64::NAN
+                    } else {
+                        2.0 * draw.normal()
+                    }
+                })
+                .collect();
             let records = [
                 step(&mut one, &z, &u),
                 step(&mut two, &order.iter().map(|i| z[*i]).collect::<Vec<_>>(), &u),
@@ -230,7 +302,13 @@ fn units_of_the_states_and_the_order_of_the_sensors_change_nothing() {
             let (_, _, one_sums) = statistics(&one);
             let (_, _, two_sums) = statistics(&two);
             for (place, sensor) in order.iter().enumerate() {
-                assert_near(|| format!("{seed} {k} cusum"), two_sums[place], one_sums[*sensor], 1e-8, 1e-8);
+                assert_near(
+                    || format!("{seed} {k} cusum"),
+                    two_sums[place],
+                    one_sums[*sensor],
+                    1e-8,
+                    1e-8,
+                );
             }
             assert_eq!(records[0].verdict, records[1].verdict);
         }
@@ -249,7 +327,10 @@ fn a_rotation_of_the_measurement_changes_no_chi_square_statistic() {
         let rotation = DMatrix::from_row_slice(2, 2, &[cosine, -sine, sine, cosine]);
         let dense = |rows: &[Vec<f64>]| residual_diagnosis::tables::matrix("", rows).unwrap();
         let list = |matrix: DMatrix<f64>| {
-            matrix.row_iter().map(|row| row.iter().copied().collect()).collect::<Vec<Vec<f64>>>()
+            matrix
+                .row_iter()
+                .map(|row| row.iter().copied().collect())
+                .collect::<Vec<Vec<f64>>>()
         };
         let model = &mut other.model;
         model.measurement = list(&rotation * dense(&model.measurement));
@@ -289,8 +370,15 @@ fn a_value_that_is_not_finite_is_a_missing_one() {
     let options = longitudinal();
     let records = |bad: f64| {
         let mut diagnoser = diagnoser(&options);
-        let z = |k: usize| [if k % 3 == 0 { bad } else { 0.1 * k as f64 }, if k % 7 == 0 { bad } else { 1.0 }];
-        (0..60).map(|k| step(&mut diagnoser, &z(k), &[0.1])).collect::<Vec<StepRecord>>()
+        let z = |k: usize| {
+            [
+                if k % 3 == 0 { bad } else { 0.1 * k as f64 },
+                if k % 7 == 0 { bad } else { 1.0 },
+            ]
+        };
+        (0..60)
+            .map(|k| step(&mut diagnoser, &z(k), &[0.1]))
+            .collect::<Vec<StepRecord>>()
     };
     let expected = records(f64::NAN);
     for bad in [f64::INFINITY, f64::NEG_INFINITY] {
@@ -314,13 +402,24 @@ fn an_outage_leaves_no_residual_and_freezes_the_plain_statistic() {
         assert_eq!(record.verdict(), Verdict::NotEvaluated);
         assert_eq!(diagnoser.outcome().residual.degrees, 0);
         assert_eq!(diagnoser.outcome().plain.degrees, before.degrees);
-        assert_near(|| "λ".into(), diagnoser.outcome().plain.value, before.value, 1e-8, 0.0);
+        assert_near(
+            || "λ".into(),
+            diagnoser.outcome().plain.value,
+            before.value,
+            1e-8,
+            0.0,
+        );
     }
 }
 
 #[test]
 fn a_noise_free_fault_is_identified_exactly() {
-    for (sensor, mode, ramp, size) in [(0, 0, false, 3.0), (1, 1, false, -0.4), (0, 2, true, 0.2), (1, 3, true, 0.01)] {
+    for (sensor, mode, ramp, size) in [
+        (0, 0, false, 3.0),
+        (1, 1, false, -0.4),
+        (0, 2, true, 0.2),
+        (1, 3, true, 0.01),
+    ] {
         let mut options = longitudinal();
         options.glr.window_steps = 120;
         options.model.initial_covariance = vec![vec![0.0; 3]; 3];
@@ -347,7 +446,11 @@ fn a_noise_free_process_fault_is_identified_exactly() {
     use residual_diagnosis::chi_square::Signature;
     let mut options = longitudinal();
     // A fault of the accelerometer enters like the input, negative.
-    options.glr.signatures = vec![Signature::SensorStep, Signature::ProcessStep, Signature::ProcessRamp];
+    options.glr.signatures = vec![
+        Signature::SensorStep,
+        Signature::ProcessStep,
+        Signature::ProcessRamp,
+    ];
     options.glr.process_fault_input = vec![vec![0.005], vec![0.1], vec![0.0]];
     let mut diagnoser = diagnoser(&options);
     let (mut position, mut speed) = (0.0, 0.0);
@@ -370,7 +473,10 @@ fn an_outage_of_a_hundred_thousand_instants_is_survived() {
     options.glr.window_steps = 10;
     let mut diagnoser = diagnoser(&options);
     for _ in 0..100_000 {
-        assert_eq!(step(&mut diagnoser, &[f64::NAN], &[]).verdict(), Verdict::NotEvaluated);
+        assert_eq!(
+            step(&mut diagnoser, &[f64::NAN], &[]).verdict(),
+            Verdict::NotEvaluated
+        );
     }
     assert_eq!(step(&mut diagnoser, &[0.0], &[]).verdict(), Verdict::Nominal);
 }

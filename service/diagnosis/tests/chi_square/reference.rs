@@ -1,12 +1,13 @@
 //! The reference runs: every statistic of an independent implementation.
 
 use crate::common::{
-    assert_near, diagnoser, file, longitudinal, only, quarter_car, scalar, square, step, steps_only,
-    switched_quarter_car, without_calibration, ALL,
+    ALL, assert_near, diagnoser, file, longitudinal, only, quarter_car, scalar, square, step, steps_only,
+    switched_quarter_car, without_calibration,
 };
 use crate::support::{integers, numbers, rows};
 use residual_diagnosis::chi_square::{
-    ChiSquareDiagnoser, Schedule, StabilityGuard, Statistic, StatisticKind, StepModel, chi_square_upper_quantile,
+    ChiSquareDiagnoser, Schedule, StabilityGuard, Statistic, StatisticKind, StepModel,
+    chi_square_upper_quantile,
 };
 use serde_json::Value;
 
@@ -47,7 +48,13 @@ fn scalar_run(name: &str, a: f64, relative: f64) {
             for (j, (statistic, name)) in statistics.into_iter().zip(names).enumerate() {
                 let expected = expected[name][i].as_f64().unwrap();
                 assert_eq!(statistic.degrees, 1);
-                assert_near(|| format!("{scenario} {name} {k}"), statistic.value, expected, relative, ABSOLUTE);
+                assert_near(
+                    || format!("{scenario} {name} {k}"),
+                    statistic.value,
+                    expected,
+                    relative,
+                    ABSOLUTE,
+                );
                 if statistic.value > threshold {
                     first[j].get_or_insert(i as u64 + 1);
                     count[j] += 1;
@@ -56,8 +63,16 @@ fn scalar_run(name: &str, a: f64, relative: f64) {
             let ratio = outcome.likelihood_ratio().unwrap();
             for (name, found) in [("cusum", outcome.cusum[0].abs()), ("glr", ratio.value)] {
                 // The run without fault has none of them.
-                let Some(expected) = expected.get(name).map(|list| list[i].as_f64().unwrap()) else { continue };
-                assert_near(|| format!("{scenario} {name} {k}"), found, expected, relative, ABSOLUTE);
+                let Some(expected) = expected.get(name).map(|list| list[i].as_f64().unwrap()) else {
+                    continue;
+                };
+                assert_near(
+                    || format!("{scenario} {name} {k}"),
+                    found,
+                    expected,
+                    relative,
+                    ABSOLUTE,
+                );
             }
             let covariances = &file["covariances"];
             let expected = |name: &str| covariances[name][i].as_f64().unwrap();
@@ -74,17 +89,45 @@ fn scalar_run(name: &str, a: f64, relative: f64) {
             }
         }
         for (j, name) in names.into_iter().enumerate() {
-            assert_eq!(first[j], expected["first_alarm"][name].as_u64(), "{scenario} {name}");
-            assert_eq!(Some(count[j]), expected["alarm_count"][name].as_u64(), "{scenario} {name}");
+            assert_eq!(
+                first[j],
+                expected["first_alarm"][name].as_u64(),
+                "{scenario} {name}"
+            );
+            assert_eq!(
+                Some(count[j]),
+                expected["alarm_count"][name].as_u64(),
+                "{scenario} {name}"
+            );
         }
         let best = diagnoser.outcome().likelihood_ratio().unwrap();
-        let Some(last) = expected.get("glr_final") else { continue };
-        assert_eq!(measurement.len() as u64 - best.age, last["onset"].as_u64().unwrap());
-        for (found, name) in [(best.size, "size"), (best.standard_deviation, "size_standard_deviation")] {
-            assert_near(|| name.to_owned(), found, last[name].as_f64().unwrap(), relative, ABSOLUTE);
+        let Some(last) = expected.get("glr_final") else {
+            continue;
+        };
+        assert_eq!(
+            measurement.len() as u64 - best.age,
+            last["onset"].as_u64().unwrap()
+        );
+        for (found, name) in [
+            (best.size, "size"),
+            (best.standard_deviation, "size_standard_deviation"),
+        ] {
+            assert_near(
+                || name.to_owned(),
+                found,
+                last[name].as_f64().unwrap(),
+                relative,
+                ABSOLUTE,
+            );
         }
         let estimate = expected["final_state_estimate"].as_f64().unwrap();
-        assert_near(|| "estimate".to_owned(), diagnoser.estimate()[0], estimate, relative, ABSOLUTE);
+        assert_near(
+            || "estimate".to_owned(),
+            diagnoser.estimate()[0],
+            estimate,
+            relative,
+            ABSOLUTE,
+        );
     }
 }
 
@@ -111,27 +154,56 @@ struct VectorRun {
 
 impl VectorRun {
     fn new(file: Value) -> Self {
-        Self { file, first_alarm: Vec::new() }
+        Self {
+            file,
+            first_alarm: Vec::new(),
+        }
     }
 
     fn compare(&mut self, i: usize, diagnoser: &ChiSquareDiagnoser) {
         let outcome = diagnoser.outcome();
         let near = |name: &str, found: f64, expected: f64| {
-            assert_near(|| format!("{name} at {}", i + 1), found, expected, RELATIVE, ABSOLUTE);
+            assert_near(
+                || format!("{name} at {}", i + 1),
+                found,
+                expected,
+                RELATIVE,
+                ABSOLUTE,
+            );
         };
-        let windows = outcome.windows().map(|(steps, window)| (format!("window_{steps}"), window));
+        let windows = outcome
+            .windows()
+            .map(|(steps, window)| (format!("window_{steps}"), window));
         let mut statistics: Vec<(String, Statistic)> = windows.collect();
         statistics.push(("two_propagator".to_owned(), outcome.pair));
         statistics.push(("plain".to_owned(), outcome.plain));
         let mut named: Vec<_> = statistics
             .into_iter()
-            .map(|(name, value)| (format!("state_chi_square_{name}"), format!("state_dof_{name}"), value))
+            .map(|(name, value)| {
+                (
+                    format!("state_chi_square_{name}"),
+                    format!("state_dof_{name}"),
+                    value,
+                )
+            })
             .collect();
-        named.push(("residual_chi_square".to_owned(), "residual_dof".to_owned(), outcome.residual));
+        named.push((
+            "residual_chi_square".to_owned(),
+            "residual_dof".to_owned(),
+            outcome.residual,
+        ));
         let expected = &self.file["expected"];
         for (value_name, degrees_name, statistic) in named {
-            assert_eq!(statistic.degrees as u64, expected[&degrees_name][i].as_u64().unwrap(), "{degrees_name} {i}");
-            near(&value_name, statistic.value, expected[&value_name][i].as_f64().unwrap());
+            assert_eq!(
+                statistic.degrees as u64,
+                expected[&degrees_name][i].as_u64().unwrap(),
+                "{degrees_name} {i}"
+            );
+            near(
+                &value_name,
+                statistic.value,
+                expected[&value_name][i].as_f64().unwrap(),
+            );
             if statistic.degrees > 0
                 && statistic.value > self.file["threshold_by_dof"][statistic.degrees].as_f64().unwrap()
                 && !self.first_alarm.iter().any(|(name, _)| *name == value_name)
@@ -143,19 +215,34 @@ impl VectorRun {
             near("cusum", outcome.cusum[row].abs(), expected);
         }
         let best = outcome.likelihood_ratio();
-        near("glr", best.map_or(0.0, |best| best.value), expected["glr"][i].as_f64().unwrap());
+        near(
+            "glr",
+            best.map_or(0.0, |best| best.value),
+            expected["glr"][i].as_f64().unwrap(),
+        );
         let onset = best.map(|best| i as u64 + 1 - best.age);
-        assert_eq!(best.map(|best| best.mode as u64), expected["glr_best_mode"][i].as_u64(), "mode at {i}");
+        assert_eq!(
+            best.map(|best| best.mode as u64),
+            expected["glr_best_mode"][i].as_u64(),
+            "mode at {i}"
+        );
         assert_eq!(onset, expected["glr_best_onset"][i].as_u64(), "onset at {i}");
         for (row, innovation, variance) in outcome.innovations() {
-            near("innovation", innovation, expected["innovation"][i][row].as_f64().unwrap());
+            near(
+                "innovation",
+                innovation,
+                expected["innovation"][i][row].as_f64().unwrap(),
+            );
             if let Some(expected) = expected["innovation_variance"].get(i) {
                 near("innovation variance", variance, expected[row].as_f64().unwrap());
             }
         }
         if i % 5 == 0 {
             let (difference, _) = outcome.window_difference(9).unwrap();
-            for (found, expected) in difference.iter().zip(numbers(&expected["difference_window_9"][i / 5])) {
+            for (found, expected) in difference
+                .iter()
+                .zip(numbers(&expected["difference_window_9"][i / 5]))
+            {
                 near("difference", *found, expected);
             }
             near(
@@ -166,7 +253,10 @@ impl VectorRun {
         }
         if i % 10 == 0 {
             let covariance = square(diagnoser.covariance_factor());
-            for (j, expected) in numbers(&expected["filter_covariance_diagonal"][i / 10]).into_iter().enumerate() {
+            for (j, expected) in numbers(&expected["filter_covariance_diagonal"][i / 10])
+                .into_iter()
+                .enumerate()
+            {
                 near("P", covariance[(j, j)], expected);
             }
         }
@@ -195,16 +285,38 @@ impl VectorRun {
             for (i, row) in expected.iter().enumerate() {
                 for (j, value) in row.iter().enumerate() {
                     let scale = (expected[i][i] * expected[j][j]).sqrt();
-                    assert_near(|| format!("{name} {i} {j}"), found[(i, j)], *value, RELATIVE, RELATIVE * scale);
+                    assert_near(
+                        || format!("{name} {i} {j}"),
+                        found[(i, j)],
+                        *value,
+                        RELATIVE,
+                        RELATIVE * scale,
+                    );
                 }
             }
         }
-        for (found, expected) in diagnoser.estimate().iter().zip(numbers(&expected["state_estimate_final"])) {
-            assert_near(|| "final estimate".to_owned(), *found, expected, RELATIVE, ABSOLUTE);
+        for (found, expected) in diagnoser
+            .estimate()
+            .iter()
+            .zip(numbers(&expected["state_estimate_final"]))
+        {
+            assert_near(
+                || "final estimate".to_owned(),
+                *found,
+                expected,
+                RELATIVE,
+                ABSOLUTE,
+            );
         }
         let best = diagnoser.outcome().likelihood_ratio().unwrap();
         let deviation = expected["glr_size_standard_deviation_final"].as_f64().unwrap();
-        assert_near(|| "deviation".to_owned(), best.standard_deviation, deviation, RELATIVE, ABSOLUTE);
+        assert_near(
+            || "deviation".to_owned(),
+            best.standard_deviation,
+            deviation,
+            RELATIVE,
+            ABSOLUTE,
+        );
         // The best of both modes of each sensor.
         let by_mode = numbers(&expected["glr_by_mode_final"]);
         for sensor in 0..2 {
@@ -275,7 +387,9 @@ fn position_and_bias_in_extreme_units_keep_their_rank() {
             model.initial_covariance[i][j] /= units[i] * units[j];
         }
         model.input[i].iter_mut().for_each(|value| *value /= units[i]);
-        model.process_noise_input[i].iter_mut().for_each(|value| *value /= units[i]);
+        model.process_noise_input[i]
+            .iter_mut()
+            .for_each(|value| *value /= units[i]);
         model.measurement.iter_mut().for_each(|row| row[i] *= units[i]);
     }
     plain.statistics.window_steps = vec![9];
@@ -287,6 +401,12 @@ fn position_and_bias_in_extreme_units_keep_their_rank() {
         step(&mut plain, &z, &[inputs[i + 1]]);
         let of = |diagnoser: &ChiSquareDiagnoser| diagnoser.outcome().windows().next().unwrap().1;
         assert_eq!(of(&scaled).degrees, of(&plain).degrees);
-        assert_near(|| format!("{i}"), of(&scaled).value, of(&plain).value, 1e-8, 1e-10);
+        assert_near(
+            || format!("{i}"),
+            of(&scaled).value,
+            of(&plain).value,
+            1e-8,
+            1e-10,
+        );
     }
 }

@@ -3,11 +3,14 @@
 //! The whole table, with the runs of the sheet (some minutes in a release build):
 //! `cargo test --release -p residual-diagnosis --test chi_square -- --ignored --nocapture the_whole_table`
 
-use crate::common::{ALL, diagnoser, longitudinal, only, quarter_car, scalar, step, steps_only, without_calibration};
+use crate::common::{
+    ALL, diagnoser, longitudinal, only, quarter_car, scalar, step, steps_only, without_calibration,
+};
 use crate::plant::Plant;
 use residual_diagnosis::{
     chi_square::{
-        ChiSquareDiagnoser, ChiSquareOptions, StabilityGuard, Statistic, StatisticKind, ThresholdMode, Thresholds,
+        ChiSquareDiagnoser, ChiSquareOptions, StabilityGuard, Statistic, StatisticKind, ThresholdMode,
+        Thresholds,
     },
     diagnoser::Diagnoser,
 };
@@ -62,18 +65,160 @@ fn columns() -> Vec<Column> {
         cells,
     };
     let ramp = |column| Column { ramp: true, ..column };
-    let vector = |column, sensor| Column { steps: 250, onset: 100, sensor, ..column };
+    let vector = |column, sensor| Column {
+        steps: 250,
+        onset: 100,
+        sensor,
+        ..column
+    };
     vec![
-        ramp(column("a=.8 ramp .02", scalar(0.8), 0.02, [D(49.2), D(25.8), D(26.7), D(26.0), D(27.8), D(24.8), D(25.6), D(25.4)])),
-        column("a=.8 step .3", scalar(0.8), 0.3, [Pd(19., 133.), Pd(91., 59.), Pd(83., 69.), Pd(89., 61.), Pd(75., 78.), D(26.), D(28.), D(26.)]),
-        ramp(column("a=1.1 ramp", scalar(1.1), 0.02, [D(102.1), P(0.), D(60.6), D(60.0), D(62.7), D(53.9), D(59.4), D(55.3)])),
-        column("a=1.1 step 1", scalar(1.1), 1.0, [D(1.3), P(0.), D(18.0), D(24.0), D(0.4), D(18.2), D(0.1), D(0.2)]),
-        ramp(column("a=-1 ramp", scalar(-1.0), 0.02, [D(15.6), P(9.), P(7.), D(61.0), D(17.1), D(12.4), D(11.1), D(11.2)])),
-        vector(column("wheel step", longitudinal(), 0.2, [Pd(37., 113.), P(2.), D(8.9), D(7.2), D(9.4), D(10.4), D(5.1), D(5.8)]), 1),
-        ramp(vector(column("wheel ramp", longitudinal(), 0.005, [Pd(90., 124.), P(7.), D(72.3), D(60.8), D(65.3), D(44.7), D(62.5), D(49.2)]), 1)),
-        vector(column("GNSS step", longitudinal(), 2.0, [Pd(20., 129.), P(1.), Pd(99., 16.), D(12.8), D(14.7), D(12.2), D(10.3), D(11.0)]), 0),
-        vector(column("accelerometer step", quarter_car(), 0.3, [Pd(46., 115.), P(8.), P(13.), P(10.), Pd(72., 90.), D(17.7), D(15.0), D(15.7)]), 1),
-        vector(column("deflection step", quarter_car(), 0.004, [Pd(40., 117.), Pd(53., 131.), Pd(50., 130.), Pd(61., 129.), Pd(78., 92.), D(11.2), D(7.3), D(7.8)]), 0),
+        ramp(column(
+            "a=.8 ramp .02",
+            scalar(0.8),
+            0.02,
+            [
+                D(49.2),
+                D(25.8),
+                D(26.7),
+                D(26.0),
+                D(27.8),
+                D(24.8),
+                D(25.6),
+                D(25.4),
+            ],
+        )),
+        column(
+            "a=.8 step .3",
+            scalar(0.8),
+            0.3,
+            [
+                Pd(19., 133.),
+                Pd(91., 59.),
+                Pd(83., 69.),
+                Pd(89., 61.),
+                Pd(75., 78.),
+                D(26.),
+                D(28.),
+                D(26.),
+            ],
+        ),
+        ramp(column(
+            "a=1.1 ramp",
+            scalar(1.1),
+            0.02,
+            [
+                D(102.1),
+                P(0.),
+                D(60.6),
+                D(60.0),
+                D(62.7),
+                D(53.9),
+                D(59.4),
+                D(55.3),
+            ],
+        )),
+        column(
+            "a=1.1 step 1",
+            scalar(1.1),
+            1.0,
+            [D(1.3), P(0.), D(18.0), D(24.0), D(0.4), D(18.2), D(0.1), D(0.2)],
+        ),
+        ramp(column(
+            "a=-1 ramp",
+            scalar(-1.0),
+            0.02,
+            [D(15.6), P(9.), P(7.), D(61.0), D(17.1), D(12.4), D(11.1), D(11.2)],
+        )),
+        vector(
+            column(
+                "wheel step",
+                longitudinal(),
+                0.2,
+                [
+                    Pd(37., 113.),
+                    P(2.),
+                    D(8.9),
+                    D(7.2),
+                    D(9.4),
+                    D(10.4),
+                    D(5.1),
+                    D(5.8),
+                ],
+            ),
+            1,
+        ),
+        ramp(vector(
+            column(
+                "wheel ramp",
+                longitudinal(),
+                0.005,
+                [
+                    Pd(90., 124.),
+                    P(7.),
+                    D(72.3),
+                    D(60.8),
+                    D(65.3),
+                    D(44.7),
+                    D(62.5),
+                    D(49.2),
+                ],
+            ),
+            1,
+        )),
+        vector(
+            column(
+                "GNSS step",
+                longitudinal(),
+                2.0,
+                [
+                    Pd(20., 129.),
+                    P(1.),
+                    Pd(99., 16.),
+                    D(12.8),
+                    D(14.7),
+                    D(12.2),
+                    D(10.3),
+                    D(11.0),
+                ],
+            ),
+            0,
+        ),
+        vector(
+            column(
+                "accelerometer step",
+                quarter_car(),
+                0.3,
+                [
+                    Pd(46., 115.),
+                    P(8.),
+                    P(13.),
+                    P(10.),
+                    Pd(72., 90.),
+                    D(17.7),
+                    D(15.0),
+                    D(15.7),
+                ],
+            ),
+            1,
+        ),
+        vector(
+            column(
+                "deflection step",
+                quarter_car(),
+                0.004,
+                [
+                    Pd(40., 117.),
+                    Pd(53., 131.),
+                    Pd(50., 130.),
+                    Pd(61., 129.),
+                    Pd(78., 92.),
+                    D(11.2),
+                    D(7.3),
+                    D(7.8),
+                ],
+            ),
+            0,
+        ),
     ]
 }
 
@@ -87,7 +232,11 @@ fn thresholds(column: &Column, kinds: &[StatisticKind], windows: &[usize]) -> Th
     options.statistics.stability_guard = StabilityGuard::Warn;
     options.threshold.mode = ThresholdMode::PerRun;
     options.threshold.false_alarm_probability = 5e-3;
-    (options.threshold.glr, options.threshold.cusum, options.threshold.bank) = (0.0, 0.0, 0.0);
+    (
+        options.threshold.glr,
+        options.threshold.cusum,
+        options.threshold.bank,
+    ) = (0.0, 0.0, 0.0);
     options.threshold.run_steps = column.steps;
     options.threshold.calibration_runs = 4000;
     options.cusum.reference = 0.25;
@@ -110,7 +259,12 @@ fn runner(column: &Column) -> ChiSquareDiagnoser {
 fn simulate(column: &Column, runs: usize) -> [(f64, f64, f64); 8] {
     use StatisticKind::{Cusum, Glr, Residual, StatePlain, StateTwoPropagator, StateWindow};
     let of = |kind| thresholds(column, &[kind], &[10]);
-    let (residual, plain, window, pair) = (of(Residual), of(StatePlain), of(StateWindow), of(StateTwoPropagator));
+    let (residual, plain, window, pair) = (
+        of(Residual),
+        of(StatePlain),
+        of(StateWindow),
+        of(StateTwoPropagator),
+    );
     let bank = thresholds(column, &[StateWindow], &[1, 3, 9, 27]);
     let (cusum, glr) = (of(Cusum).cusum, of(Glr).glr);
     let joint = thresholds(column, &[Glr, Cusum], &[10]);
@@ -126,22 +280,33 @@ fn simulate(column: &Column, runs: usize) -> [(f64, f64, f64); 8] {
             let mut z = plant.next(&inputs, &inputs);
             if k >= column.onset {
                 let age = (k - column.onset) as f64;
-                z[column.sensor] += if column.ramp { column.size * age } else { column.size };
+                z[column.sensor] += if column.ramp {
+                    column.size * age
+                } else {
+                    column.size
+                };
             }
             step(&mut diagnoser, &z, &inputs);
             if k < column.onset {
                 continue;
             }
             let outcome = diagnoser.outcome();
-            let largest_sum = outcome.cusum.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+            let largest_sum = outcome
+                .cusum
+                .iter()
+                .fold(0.0_f64, |most, value| most.max(value.abs()));
             let ratio = outcome.likelihood_ratio().map_or(0.0, |best| best.value);
-            let single = outcome.windows().any(|(steps, statistic)| steps == 10 && beyond(&window.window, statistic));
+            let single = outcome
+                .windows()
+                .any(|(steps, statistic)| steps == 10 && beyond(&window.window, statistic));
             let alarms = [
                 beyond(&residual.residual, outcome.residual),
                 beyond(&plain.plain, outcome.plain),
                 single,
                 beyond(&pair.pair, outcome.pair),
-                outcome.windows().any(|(steps, statistic)| steps != 10 && beyond(&bank.window, statistic)),
+                outcome
+                    .windows()
+                    .any(|(steps, statistic)| steps != 10 && beyond(&bank.window, statistic)),
                 largest_sum > cusum,
                 ratio > glr,
                 ratio > joint.glr || largest_sum > joint.cusum,
@@ -165,7 +330,11 @@ fn simulate(column: &Column, runs: usize) -> [(f64, f64, f64); 8] {
     let runs = runs as f64;
     sums.map(|[detected, sum, squares]| {
         let mean = sum / runs;
-        (100.0 * detected / runs, mean, ((squares / runs - mean * mean) / runs).sqrt())
+        (
+            100.0 * detected / runs,
+            mean,
+            ((squares / runs - mean * mean) / runs).sqrt(),
+        )
     })
 }
 
@@ -190,7 +359,10 @@ fn check(column: &Column, runs: usize) -> Vec<String> {
             Pd(share, expected) => percentage_agrees(share) && delay_agrees(expected),
         };
         if !agrees {
-            wrong.push(format!("{} {detector}: {percentage:.1} % {delay:.1}, sheet {cell:?}", column.name));
+            wrong.push(format!(
+                "{} {detector}: {percentage:.1} % {delay:.1}, sheet {cell:?}",
+                column.name
+            ));
         }
     }
     wrong
