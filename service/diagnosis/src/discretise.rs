@@ -81,7 +81,7 @@ pub(crate) fn zero_order_hold(continuous: &Dynamics, sample_time_s: f64) -> Resu
 
 /// exp(M) by scaling and squaring around a Taylor polynomial of degree 18 (truncation error below 1e-21 at
 /// norm 1/2). Overflow gives non-finite entries, never a panic.
-fn matrix_exponential(matrix: &DMatrix<f64>) -> DMatrix<f64> {
+pub fn matrix_exponential(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     const DEGREE: u32 = 18;
     let n = matrix.nrows();
     let norm = (0..n)

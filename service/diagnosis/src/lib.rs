@@ -6,17 +6,22 @@
 // `!(|r| <= h)` is the alarm rule: unlike `|r| > h` it is never silent for a value that is not a number.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
+pub mod async_imm;
 pub mod chi_square;
 pub mod covariance;
 pub mod decomposition;
 pub mod diagnoser;
 pub mod discretise;
 pub mod factor;
+pub mod hinf_filter;
+pub mod lyapunov;
 pub mod matrix;
 pub mod method;
 pub mod model;
+pub mod norms;
 pub mod packets;
 pub mod reduced_order_observer;
+pub mod riccati;
 pub mod spectrum;
 pub mod state;
 pub mod tables;

@@ -18,6 +18,8 @@ use nalgebra::DMatrix;
 const STEADY_STEPS: usize = 20_000;
 /// A residual non-centrality below this says nothing about a window.
 const SILENT: f64 = 1e-6;
+/// A window of one step equals the residual test up to this.
+const ROUNDING: f64 = 1e-6;
 /// Squared correlation of two signatures from which they count as hardly separable.
 const ALIKE: f64 = 0.95;
 /// Share of the energy below which the second half of the window adds nothing.
@@ -205,7 +207,7 @@ pub(super) fn insensitive_windows(
             let residual = outcome.residual.value;
             let due = outcome.windows().filter(|(steps, _)| 4 * steps == after);
             for (window_steps, statistic) in due {
-                if residual >= SILENT && statistic.value < residual {
+                if residual >= SILENT && statistic.value < (1.0 - ROUNDING) * residual {
                     let ratio = statistic.value / residual;
                     found.push(InsensitiveWindow {
                         window_steps,

@@ -119,7 +119,12 @@ pub fn step(bank: &mut UnknownInputFilterBank, y: &[f64], u: &[f64]) -> StepReco
 
 /// The channel with this name.
 pub fn channel(bank: &UnknownInputFilterBank, record: &StepRecord, name: &str) -> Channel {
-    let position = bank
+    channel_of(bank, record, name)
+}
+
+/// The channel of any diagnoser with this name.
+pub fn channel_of(diagnoser: &dyn Diagnoser, record: &StepRecord, name: &str) -> Channel {
+    let position = diagnoser
         .description()
         .channels
         .iter()

@@ -1,0 +1,45 @@
+//! Robust fault detection filter: an observer whose residual is weakly driven by disturbances and strongly by faults,
+//! with windowed residual energy and thresholds that no fault-free operation within the declared bounds exceeds.
+//!
+//! | symbol | shape | meaning | where |
+//! |---|---|---|---|
+//! | A, B, C, D, Bd, Dd, Bf, Df | | continuous plant | [`plant::Plant`] |
+//! | Ad, Bud, Bdd, Bfd | | the same, sampled | [`plant::SampledPlant`] |
+//! | H, L | n x q | continuous and discrete gain | [`synthesis`], [`certificate::Gain`] |
+//! | V | s x q | post-filter, r̃ = V r | [`certificate::Gain`] |
+//! | Ac = Ad - LC | n x n | error from instant to instant | [`constants::ErrorFilter`] |
+//! | T_rd, T_rf | | from disturbance and fault to the residual | [`certificate::Certificate`] |
+//! | γ, μ, κ_j | | norm and memory of the window energy | [`constants::ThresholdConstants`] |
+//! | ρ, J, Jth | s, 1, 1 | bound of r̃, root energy of r̃ in the window, its threshold | `bounds`, `filter` |
+//! | S_v = Cᵛ(Aᵛ)ᵏ | s x dim | what is left of the initial error | `bounds` |
+//! | b, r_g, c | s, 1, s x s | what lost samples may still do | [`constants::GapEnvelope`] |
+//!
+//! Source: "The design of a robust fault-detection filter: the LMI approach", corrected: the paper's theorem 1 does not
+//! bound the filter that it recovers (method sheet 3.6), so every gain is certified anew, whatever its origin.
+
+mod bank;
+mod bounds;
+pub mod certificate;
+pub mod checks;
+pub mod constants;
+mod construction;
+mod diagnoser;
+pub mod error;
+pub mod faults;
+mod filter;
+mod gain;
+mod isolation;
+pub mod method;
+mod observer;
+pub mod options;
+pub mod plant;
+pub mod problem;
+pub mod realisation;
+mod report;
+pub mod synthesis;
+mod window_energy;
+
+pub use bank::{BlindDesign, design_blind, design_estimate};
+pub use diagnoser::HinfFilter;
+pub use report::Report;
+pub use window_energy::WindowEnergy;

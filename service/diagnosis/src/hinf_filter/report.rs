@@ -1,0 +1,154 @@
+//! What the design found, for people and for tests.
+
+use super::{
+    certificate::{Certificate, Time},
+    checks::describe,
+    constants::ThresholdConstants,
+    construction::missing_guarantee,
+    filter::{ResidualFilter, Threshold},
+    gain::MainDesign,
+    observer::{Observer, ObserverState},
+    options::{HinfFilterOptions, RealisationType},
+    problem::Problem,
+};
+use nalgebra::{DMatrix, DVector};
+
+/// Length of the step response that shows how a command leaks into the residual, s.
+const LEAK_TIME_S: f64 = 10.0;
+
+/// Gain, certificate and thresholds of the main filter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Report {
+    /// L, or Gy where the realisation holds the samples.
+    pub gain: DMatrix<f64>,
+    /// V.
+    pub v: DMatrix<f64>,
+    /// Poles and norms, recomputed.
+    pub certificate: Certificate,
+    /// √λ_max(Ω) of a Riccati design: the best possible weighted norm.
+    pub optimum: Option<f64>,
+    /// Constant parts of the thresholds for the nominal plant; `None` for a constant threshold.
+    pub constants: Option<ThresholdConstants>,
+    /// Smallest constant fault, per fault, that the peak test is sure to see.
+    pub detectable: Option<Vec<f64>>,
+    /// Largest residual that a unit step of a command causes without fault, where it does not cancel.
+    pub command_leak: Option<f64>,
+    /// ‖V T_blind‖∞ of each blind filter.
+    pub blind_leaks: Vec<f64>,
+    /// Why the thresholds hold no guarantee; `None` if they do.
+    pub missing_guarantee: Option<String>,
+}
+
+impl Report {
+    pub(super) fn new(
+        problem: &Problem,
+        options: &HinfFilterOptions,
+        main: &MainDesign,
+        filter: &ResidualFilter,
+        constants: Option<ThresholdConstants>,
+        blind_leaks: Vec<f64>,
+    ) -> Self {
+        let held = options.filter.realisation != RealisationType::DiscreteObserver;
+        Self {
+            gain: main.gain.clone(),
+            v: main.v.clone(),
+            certificate: main.certificate.clone(),
+            optimum: main.optimum,
+            detectable: detectable(problem, main, filter),
+            constants,
+            command_leak: held.then(|| command_leak(problem, &filter.observer)),
+            blind_leaks,
+            missing_guarantee: missing_guarantee(options, main),
+        }
+    }
+
+    /// Names and values for people.
+    pub fn notes(&self) -> Vec<(&'static str, String)> {
+        let certificate = &self.certificate;
+        let poles: Vec<_> = certificate.poles.iter().map(|pole| describe(*pole)).collect();
+        let list = |values: &[f64]| values.iter().map(|value| format!("{value:.4e}")).collect::<Vec<_>>().join(", ");
+        let mut notes = vec![
+            ("poles", poles.join(", ")),
+            ("norm of the gain", format!("{:.6}", certificate.gain)),
+            (
+                "largest gain from disturbance to residual",
+                format!("{:.9} (no gain reaches less than {:.9})", certificate.disturbance, certificate.lower_bound),
+            ),
+            ("the same after the post-filter", format!("{:.9}", certificate.weighted_disturbance)),
+            ("largest gain from fault to residual", format!("{:.6}", certificate.fault)),
+            (
+                match certificate.time {
+                    Time::Discrete => "smallest gain from fault to filtered residual",
+                    Time::Continuous => "smallest gain from fault to filtered residual (continuous)",
+                },
+                format!("{:.6}; fault by fault {}", certificate.fault_index, list(&certificate.fault_indices)),
+            ),
+        ];
+        if let Some(constants) = &self.constants {
+            notes.push(("bounds of the residuals under disturbance", list(constants.amplitude.as_slice())));
+            notes.push(("threshold of the window energy under disturbance", format!("{:.4e}", constants.energy)));
+        }
+        if let Some(detectable) = &self.detectable {
+            notes.push(("smallest constant faults sure to be seen", list(detectable)));
+        }
+        if let Some(leak) = self.command_leak {
+            notes.push(("largest residual after a unit step of a command", format!("{leak:.4e}")));
+        }
+        if !self.blind_leaks.is_empty() {
+            notes.push(("what blind filters pass of their faults", list(&self.blind_leaks)));
+        }
+        notes.push((
+            "guarantee",
+            match &self.missing_guarantee {
+                None => "no alarm without a fault, as long as the declared bounds hold".to_owned(),
+                Some(reason) => format!("none: {reason}"),
+            },
+        ));
+        notes
+    }
+}
+
+/// f_min,j = 2 min_i ρ_i / |V T_rf(1)|_ij.
+fn detectable(problem: &Problem, main: &MainDesign, filter: &ResidualFilter) -> Option<Vec<f64>> {
+    let Threshold::Guaranteed(bounds) = &filter.threshold else {
+        return None;
+    };
+    if !filter.peak_test {
+        return None;
+    }
+    let (plant, sampled) = (&problem.plant, &problem.sampled);
+    let n = plant.a.nrows();
+    let driven = &sampled.bfd - &main.gain * &plant.df;
+    let state = (DMatrix::identity(n, n) - &main.closed).lu().solve(&driven)?;
+    let gain = &main.v * (&plant.c * state + &plant.df);
+    let bound = bounds.settled();
+    let smallest = |j: usize| {
+        (0..gain.nrows())
+            .map(|i| 2.0 * bound[i] / gain[(i, j)].abs())
+            .fold(f64::INFINITY, f64::min)
+    };
+    Some((0..gain.ncols()).map(smallest).collect())
+}
+
+/// sup |r| over the step responses of all commands, from rest.
+fn command_leak(problem: &Problem, observer: &Observer) -> f64 {
+    let (plant, sampled) = (&problem.plant, &problem.sampled);
+    let (n, p, q, _, _) = plant.dimensions();
+    let mut observer = observer.clone();
+    let mut largest = 0.0_f64;
+    for input in 0..p {
+        let u = DVector::from_fn(p, |i, _| f64::from(u8::from(i == input)));
+        let mut x = DVector::zeros(n);
+        let mut state = ObserverState::new(n);
+        let mut r = vec![0.0; q];
+        for _ in 0..=(LEAK_TIME_S / sampled.sample_time_s).ceil().min(1e6) as usize {
+            let y = &plant.c * &x + &plant.d * &u;
+            observer.begin(&mut state, Some(y.as_slice()));
+            observer.residual(&state, y.as_slice(), u.as_slice(), &mut r);
+            observer.advance(&mut state, Some((y.as_slice(), &r)), u.as_slice());
+            largest = r.iter().fold(largest, |most, value| most.max(value.abs()));
+            x = &sampled.ad * x + &sampled.bud * &u;
+        }
+    }
+    largest
+}

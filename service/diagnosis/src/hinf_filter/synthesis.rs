@@ -1,0 +1,155 @@
+//! Gains without a solver for matrix inequalities: the Riccati co-inner-outer design and its matched special case
+//! (method sheet 3.2).
+
+use super::plant::{Plant, SampledPlant, beside};
+use crate::decomposition::SingularDecomposition;
+use crate::riccati::{Covariances, RiccatiError, RiccatiSolution, care, dare};
+use nalgebra::{DMatrix, DVector};
+
+/// Relative size of the process noise that is added once if the first attempt does not stabilise.
+const REGULARISATION: f64 = 1e-3;
+/// Bdd (I - Dd⁺Dd) counts as zero below this part of Bdd.
+const MATCHED: f64 = 1e-9;
+
+/// Weighted disturbance matrices of a design: \[B diag(w_d), 0\] and \[Dd diag(w_d), diag(w_n)\].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Weighted {
+    /// Bw, n x (m + q).
+    pub b: DMatrix<f64>,
+    /// Dw, q x (m + q).
+    pub d: DMatrix<f64>,
+}
+
+impl Weighted {
+    /// Weights the disturbances by `disturbance` (m) and adds measurement noise of amplitude `noise` (q).
+    pub fn new(
+        b: &DMatrix<f64>,
+        d: &DMatrix<f64>,
+        disturbance: &DVector<f64>,
+        noise: &DVector<f64>,
+    ) -> Self {
+        let weight = DMatrix::from_diagonal(disturbance);
+        Self {
+            b: beside(&[&(b * &weight), &DMatrix::zeros(b.nrows(), noise.len())]),
+            d: beside(&[&(d * weight), &DMatrix::from_diagonal(noise)]),
+        }
+    }
+
+    /// Appends further columns.
+    pub fn with_columns(&self, b: &DMatrix<f64>, d: &DMatrix<f64>) -> Self {
+        Self {
+            b: beside(&[&self.b, b]),
+            d: beside(&[&self.d, d]),
+        }
+    }
+}
+
+/// A gain with the post-filter r̃ = V r.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RiccatiDesign {
+    /// L (discrete) or H (continuous, 1/s), n x q.
+    pub gain: DMatrix<f64>,
+    /// V, q x q, symmetric.
+    pub v: DMatrix<f64>,
+    /// √λ_max(Ω): the smallest ‖T_rw‖∞ that any gain reaches.
+    pub optimum: f64,
+    /// The solution of the equation.
+    pub solution: RiccatiSolution,
+}
+
+/// The discrete design: V T_rw is co-inner, and no other (L, V) has a larger ‖V T_rf‖₋/‖V T_rw‖∞.
+///
+/// # Errors
+/// [`RiccatiError`]; a gain that does not stabilise is tried once more with a little process noise.
+pub fn synth_riccati_dt(
+    ad: &DMatrix<f64>,
+    c: &DMatrix<f64>,
+    weighted: &Weighted,
+    bdd: &DMatrix<f64>,
+) -> Result<RiccatiDesign, RiccatiError> {
+    design(ad, c, weighted, bdd, dare)
+}
+
+/// The continuous design.
+///
+/// # Errors
+/// [`RiccatiError`]; a gain that does not stabilise is tried once more with a little process noise.
+pub fn synth_riccati_ct(plant: &Plant, weighted: &Weighted) -> Result<RiccatiDesign, RiccatiError> {
+    design(&plant.a, &plant.c, weighted, &plant.bd, care)
+}
+
+type Equation =
+    fn(&DMatrix<f64>, &DMatrix<f64>, Covariances<'_>) -> Result<RiccatiSolution, RiccatiError>;
+
+fn design(
+    a: &DMatrix<f64>,
+    c: &DMatrix<f64>,
+    weighted: &Weighted,
+    disturbance: &DMatrix<f64>,
+    equation: Equation,
+) -> Result<RiccatiDesign, RiccatiError> {
+    let n = a.nrows();
+    let (s, r) = (&weighted.b * weighted.d.transpose(), &weighted.d * weighted.d.transpose());
+    let q = &weighted.b * weighted.b.transpose();
+    let noise = Covariances { q: &q, s: &s, r: &r };
+    let solution = equation(a, c, noise).or_else(|error| {
+        if matches!(error, RiccatiError::SingularNoise { .. }) {
+            return Err(error);
+        }
+        let size = REGULARISATION * SingularDecomposition::new(disturbance).largest();
+        let q = &q + DMatrix::identity(n, n) * (size * size);
+        equation(a, c, Covariances { q: &q, s: &s, r: &r })
+    })?;
+    let (v, largest) = inverse_root(&solution.omega);
+    Ok(RiccatiDesign {
+        gain: solution.gain.clone(),
+        v,
+        optimum: largest.sqrt(),
+        solution,
+    })
+}
+
+/// Ω^{-1/2} and λ_max(Ω) of a positive definite Ω.
+fn inverse_root(omega: &DMatrix<f64>) -> (DMatrix<f64>, f64) {
+    let decomposition = SingularDecomposition::new(omega);
+    let scaled = &decomposition.v * DMatrix::from_diagonal(&decomposition.sigma.map(|value| value.powf(-0.5)));
+    let root = scaled * decomposition.v.transpose();
+    ((&root + root.transpose()) / 2.0, decomposition.largest())
+}
+
+/// √λ_max(Ω) of the unweighted discrete problem with a little noise: no gain has a smaller ‖T_rd‖∞, up to 0.2 %
+/// (method sheet 3.5). `None` if that problem has no stabilising solution.
+pub fn discrete_lower_bound(sampled: &SampledPlant, c: &DMatrix<f64>, dd: &DMatrix<f64>) -> Option<f64> {
+    let (n, q) = (sampled.ad.nrows(), c.nrows());
+    let process = 1e-3 * SingularDecomposition::new(&sampled.bdd).largest();
+    let direct = SingularDecomposition::new(dd).largest();
+    let noise = 1e-3 * if direct > 0.0 { direct } else { process * 1e3 };
+    let weighted = Weighted {
+        b: beside(&[
+            &sampled.bdd,
+            &(DMatrix::identity(n, n) * process),
+            &DMatrix::zeros(n, q),
+        ]),
+        d: beside(&[dd, &DMatrix::zeros(q, n), &(DMatrix::identity(q, q) * noise)]),
+    };
+    let design = synth_riccati_dt(&sampled.ad, c, &weighted, &sampled.bdd).ok()?;
+    Some(design.optimum)
+}
+
+/// The matched special case L = B Dd⁺, for which T_rd ≡ Dd: with B = Bdd the discrete gain, with B = Bd the
+/// continuous one. `None` unless B (I - Dd⁺Dd) = 0.
+pub fn matched_gain(b: &DMatrix<f64>, dd: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let inverse = pseudo_inverse(dd);
+    let rest = b - b * &inverse * dd;
+    (rest.amax() <= MATCHED * b.amax()).then(|| b * inverse)
+}
+
+/// The Moore-Penrose inverse.
+pub fn pseudo_inverse(matrix: &DMatrix<f64>) -> DMatrix<f64> {
+    let decomposition = SingularDecomposition::new(matrix);
+    let limit = 1e-12 * decomposition.largest();
+    let inverted = decomposition
+        .sigma
+        .map(|sigma| if sigma > limit { 1.0 / sigma } else { 0.0 });
+    decomposition.v * DMatrix::from_diagonal(&inverted) * decomposition.u.transpose()
+}
