@@ -321,16 +321,16 @@ fn the_bank_isolates_every_constant_fault_above_the_guaranteed_floors_and_accuse
             assert!((floor / expected - 1.0).abs() < 0.01, "{name}: {floors:?}");
         }
         let mut delays = Vec::new();
-        for run in 0..40_u64 {
+        for run in 0..200_u64 {
             let actuator = (run % 2) as usize;
-            let size = floors[actuator] * (1.02 + 0.1 * run as f64);
+            let size = floors[actuator] * (1.02 + 0.02 * run as f64);
             let draw = if run % 4 < 2 { Draw::Vertex } else { Draw::Uniform };
             let (delay, wrong) = isolate(&design, actuator, size, run, draw);
             assert!(!wrong, "{name} run {run}");
             delays.push(delay.unwrap_or_else(|| panic!("{name} run {run}: never isolated")));
         }
         delays.sort_unstable();
-        assert!(delays[20] <= 10, "{name}: {delays:?}");
+        assert!(delays[100] <= 8, "{name}: {delays:?}");
     }
 }
 
