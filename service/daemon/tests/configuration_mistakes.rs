@@ -288,7 +288,7 @@ fn signals_that_are_not_there_are_refused_with_the_known_ones() {
             .help
             .as_deref()
             .unwrap()
-            .contains("one signal per row of model.C"),
+            .contains("list one signal for each"),
         "{mistakes:?}"
     );
     let text = vtol_with("    \"aircraft_commands.longitudinal_cyclic_pitch\",\n", "");

@@ -10,7 +10,7 @@ use residual_synthesis::identify::{IdentifyOptions, Progress, RunData, identify_
 
 use super::replay::{Replay, progress_style};
 use crate::configuration::{DiagnoserConfiguration, MethodConfiguration};
-use crate::replay::recording::RunSelection;
+use crate::replay::selection::RunSelection;
 use crate::replay::sequences::sequences;
 
 /// What `residuald identify` takes.

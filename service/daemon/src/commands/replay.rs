@@ -9,13 +9,16 @@ use miette::Diagnostic;
 use residual_diagnosis::diagnoser::Description;
 
 use crate::configuration::{Configuration, ConfigurationError, Loaded};
-use crate::replay::detection_table::{DetectionTable, TableFormat};
+use crate::replay::detection_table::TableFormat;
+use crate::replay::detections::Detections;
 use crate::replay::injection::{Fault, FaultError};
 use crate::replay::loss::{Loss, LossError};
 use crate::replay::mapping::{Mapping, MappingError, TimedSample};
-use crate::replay::recording::{ColumnRoles, Recording, RecordingError, Run, RunSelection};
+use crate::replay::recording::{ColumnRoles, Recording, RecordingError};
 use crate::replay::records::{RecordWriter, ReplayRecord, WriteError};
 use crate::replay::report::Report;
+use crate::replay::run::Run;
+use crate::replay::selection::RunSelection;
 use crate::replay::through_daemon::ThroughDaemonError;
 use crate::replay::{simulated, through_daemon};
 
@@ -239,7 +242,7 @@ pub fn execute(arguments: &ReplayArguments) -> Result<(), ReplayError> {
     }
     bar.finish_and_clear();
     say(&match arguments.table {
-        Some(format) => DetectionTable::new(report.diagnosers(), report.runs()).show(format),
+        Some(format) => Detections::new(report.diagnosers(), report.runs()).show(format),
         None => report.totals(),
     });
     writer.map_or(Ok(()), RecordWriter::finish)?;

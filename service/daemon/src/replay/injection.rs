@@ -2,7 +2,8 @@
 
 use std::str::FromStr;
 
-use super::recording::{Recording, Run};
+use super::recording::Recording;
+use super::run::Run;
 
 /// How a fault changes a column.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -6,7 +6,7 @@ use rand::{RngExt as _, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::mapping::TimedSample;
-use super::recording::Run;
+use super::run::Run;
 use crate::configuration::Configuration;
 
 /// Stands for every input that is not named.

@@ -2,7 +2,8 @@
 
 use exmex::{Express, FlatEx};
 
-use super::recording::{Recording, Run};
+use super::recording::Recording;
+use super::run::Run;
 use crate::configuration::{Configuration, ReplayConfiguration};
 
 /// One sample to be sent: `elements` of `input`, `time_ns` after the start of the run.

@@ -7,6 +7,8 @@
 //! | module | what |
 //! |---|---|
 //! | [`recording`] | a CSV file in memory, split into runs |
+//! | [`run`] | one run and its times |
+//! | [`selection`] | which runs are replayed |
 //! | [`injection`] | faults written into a recording |
 //! | [`loss`] | packet loss put into a replay |
 //! | [`mapping`] | recording → timed samples of the configured inputs |
@@ -14,9 +16,11 @@
 //! | [`sequences`] | a run as one diagnoser would see it |
 //! | [`outcome`] | what the records of a run say: false alarms, detection, isolation |
 //! | [`report`] | the outcomes in words, run by run and in total |
-//! | [`detection_table`] | the outcomes as a table, for people and for programs |
+//! | [`detections`] | the outcomes as rows and totals |
+//! | [`detection_table`] | these as text, for people and for programs |
 
 pub mod detection_table;
+pub mod detections;
 pub mod injection;
 pub mod loss;
 pub mod mapping;
@@ -24,6 +28,8 @@ pub mod outcome;
 pub mod recording;
 pub mod records;
 pub mod report;
+pub mod run;
+pub mod selection;
 pub mod sequences;
 pub mod simulated;
 pub mod through_daemon;

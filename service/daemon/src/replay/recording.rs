@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use super::run::Run;
+
 /// Why a recording could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
@@ -85,40 +87,6 @@ pub struct ColumnRoles<'a> {
     pub kind: Option<&'a str>,
     /// Labels real faults: 0 or empty without fault.
     pub fault: Option<&'a str>,
-}
-
-/// Rows of one run, in time order.
-#[derive(Clone, Debug, Default)]
-pub struct Run {
-    /// What the run column says; empty without one.
-    pub name: String,
-    /// Position among the runs of the file, from 0.
-    pub position: usize,
-    /// What the kind column says; empty without one.
-    pub kind: String,
-    /// When the first row with a labelled fault was recorded, nanoseconds since the first row.
-    pub labelled_onset_ns: Option<u64>,
-    /// When each row was recorded, nanoseconds since the first row.
-    pub recorded_ns: Vec<u64>,
-    /// When each row is replayed, nanoseconds since the first row: as recorded, or one row a period.
-    pub times_ns: Vec<u64>,
-    /// Cells by row; NaN where the cell is empty.
-    pub rows: Vec<Vec<f64>>,
-}
-
-impl Run {
-    /// Time from the first to the last row as recorded, nanoseconds.
-    pub fn duration_ns(&self) -> u64 {
-        self.recorded_ns.last().copied().unwrap_or(0)
-    }
-
-    /// The recorded time of a moment of the replay: that of the last row before it, and what has passed since.
-    pub fn recorded_at_ns(&self, replayed_ns: u64) -> u64 {
-        let rows = self.times_ns.partition_point(|&time| time <= replayed_ns);
-        let row = rows.saturating_sub(1);
-        let (time, recorded) = (self.times_ns.get(row), self.recorded_ns.get(row));
-        recorded.copied().unwrap_or(0) + (replayed_ns - time.copied().unwrap_or(0).min(replayed_ns))
-    }
 }
 
 /// A recording: named columns and one or more runs.
@@ -239,45 +207,6 @@ fn parse_cell(text: &str) -> Option<f64> {
     text.parse().ok().filter(|value: &f64| value.is_finite())
 }
 
-/// Which runs of a recording to take: `all`, `odd`, `even` (by position, counted from 1), or names separated by
-/// commas.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum RunSelection {
-    /// Every run.
-    All,
-    /// The first, third, fifth … run.
-    Odd,
-    /// The second, fourth, sixth … run.
-    Even,
-    /// The runs with these names.
-    Named(Vec<String>),
-}
-
-impl std::str::FromStr for RunSelection {
-    type Err = std::convert::Infallible;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        Ok(match text {
-            "all" => Self::All,
-            "odd" => Self::Odd,
-            "even" => Self::Even,
-            names => Self::Named(names.split(',').map(|name| name.trim().into()).collect()),
-        })
-    }
-}
-
-impl RunSelection {
-    /// Whether the run at `position` (from 0) with this name is taken.
-    pub fn takes(&self, position: usize, name: &str) -> bool {
-        match self {
-            Self::All => true,
-            Self::Odd => position.is_multiple_of(2),
-            Self::Even => !position.is_multiple_of(2),
-            Self::Named(names) => names.iter().any(|wanted| wanted == name),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::io::Write as _;
@@ -358,13 +287,5 @@ mod tests {
         assert!(labelled("run,t,kind\n").contains("no column `fault`"));
         let kinds = labelled("run,t,kind,fault\na,1,x,0\na,2,y,0\n");
         assert!(kinds.contains("line 3") && kinds.contains("kind `x`") && kinds.contains("`y`"));
-    }
-
-    #[test]
-    fn a_selection_takes_by_position_or_name() {
-        let odd: RunSelection = "odd".parse().unwrap();
-        assert!(odd.takes(0, "1") && !odd.takes(1, "2"));
-        let named: RunSelection = "3, x".parse().unwrap();
-        assert!(named.takes(9, "x") && !named.takes(0, "1"));
     }
 }

@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use residual_diagnosis::diagnoser::Description;
 
 use super::outcome::{Outcome, RunOutcome, median};
-use super::recording::Run;
 use super::records::ReplayRecord;
+use super::run::Run;
 use crate::runtime::companion::fault_names;
 
 /// Collects the outcomes of the runs and puts them into words.

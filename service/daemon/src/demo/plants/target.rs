@@ -156,10 +156,10 @@ mod tests {
         let mut source = Ticks::new(Target::new(1), 6_000);
         let (mut sent, mut lost) = ([0_u32; 3], [0_u32; 3]);
         while let Some(emission) = source.next_emission() {
-            let place = SENSORS
-                .iter()
-                .position(|sensor| sensor.input == emission.input)
-                .unwrap();
+            let mut sensors = SENSORS.iter();
+            let Some(place) = sensors.position(|sensor| sensor.input == emission.input) else {
+                continue;
+            };
             sent[place] += 1;
             lost[place] += u32::from(emission.elements.is_none());
         }
