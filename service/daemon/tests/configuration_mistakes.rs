@@ -363,6 +363,16 @@ fn replay_values_that_are_no_expressions_are_refused() {
     ]);
 }
 
+#[test]
+fn rows_that_cannot_be_chosen_or_replayed_are_refused() {
+    check(cases![
+        "no row at all": "every_rows = 1 " => "every_rows = 0 ", 0, ["`every_rows` = 0"], ["1 for every row"];
+        "first row beyond": "first_row = 0 " => "first_row = 1 ", 0, ["beyond the first 1 rows"], ["below `every_rows`"];
+        "row period of zero": "# row_period_s = 0.01" => "row_period_s = 0", 0, ["period of 0 s"], ["10 µs"];
+        "number for a column": "# fault_column = \"fault\"" => "fault_column = 3", 0, ["expected a string"], [];
+    ]);
+}
+
 /// Every line left out, and every value replaced by something else: a refusal always has its place, and whatever
 /// is accepted can be built.
 #[test]

@@ -6,6 +6,7 @@
 // `!(|r| <= h)` is the alarm rule: unlike `|r| > h` it is never silent for a value that is not a number.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
+pub mod async_imm;
 pub mod chi_square;
 pub mod covariance;
 pub mod decomposition;

@@ -49,7 +49,7 @@ impl Reducer {
     ///
     /// The `order` - n columns of largest score stay in their order (ties: the lower index), the others become
     /// a box in the last n columns. The radius (the interval hull) does not change. Returns whether anything
-    /// was boxed. `order` must exceed the number of rows n.
+    /// was boxed. `order` must be at least the number of rows n.
     pub fn reduce(&mut self, matrix: &mut Matrix, order: usize) -> bool {
         let (rows, columns) = matrix.shape();
         if columns <= order {

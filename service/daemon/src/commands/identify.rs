@@ -68,6 +68,7 @@ pub fn execute(arguments: &IdentifyArguments) -> miette::Result<()> {
         &arguments.recording,
         &RunSelection::All,
         &[],
+        None,
     )?;
     let configuration = &replay.loaded.configuration;
     let diagnoser = choose(&configuration.diagnosers, arguments.diagnoser.as_deref())?;

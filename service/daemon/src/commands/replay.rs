@@ -1,22 +1,23 @@
 //! `residuald replay`: a recording instead of sensors.
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::Diagnostic;
 use residual_diagnosis::diagnoser::Description;
-use residual_shared::record::StepRecord;
 
 use crate::configuration::{Configuration, ConfigurationError, Loaded};
+use crate::replay::detection_table::{DetectionTable, TableFormat};
 use crate::replay::injection::{Fault, FaultError};
+use crate::replay::loss::{Loss, LossError};
 use crate::replay::mapping::{Mapping, MappingError, TimedSample};
-use crate::replay::outcome::{Outcome, median};
-use crate::replay::recording::{Recording, RecordingError, Run, RunSelection};
+use crate::replay::recording::{ColumnRoles, Recording, RecordingError, Run, RunSelection};
 use crate::replay::records::{RecordWriter, ReplayRecord, WriteError};
+use crate::replay::report::Report;
 use crate::replay::through_daemon::ThroughDaemonError;
 use crate::replay::{simulated, through_daemon};
-use crate::runtime::companion::fault_names;
 
 /// What `residuald replay` takes.
 #[derive(Debug, Args)]
@@ -38,12 +39,20 @@ pub struct ReplayArguments {
     /// scale, freeze, dropout, spike. May be given several times; detection counts from the first one.
     #[arg(long = "fault", value_name = "FAULT")]
     pub faults: Vec<Fault>,
+    /// Share of samples to lose, e.g. `gyroscope=0.3,seed=1` (`all` for every input): they are left out, but their
+    /// sequence numbers count on, so that the loss is known.
+    #[arg(long, value_name = "LOSS")]
+    pub loss: Option<Loss>,
     /// Write every record to this CSV file (one file per diagnoser when there are several).
     #[arg(long)]
     pub records: Option<PathBuf>,
     /// Leave out the line of each run; print the totals only.
     #[arg(long)]
     pub totals: bool,
+    /// Print a table instead: what each diagnoser detected in each run, and the totals of each kind of run.
+    #[arg(long, value_enum, value_name = "FORMAT", num_args = 0..=1, require_equals = true)]
+    #[arg(default_missing_value = "text", conflicts_with = "totals")]
+    pub table: Option<TableFormat>,
 }
 
 /// Why a replay failed.
@@ -65,6 +74,9 @@ pub enum ReplayError {
     /// A fault cannot be injected.
     #[error(transparent)]
     Fault(#[from] FaultError),
+    /// No samples can be lost as asked for.
+    #[error(transparent)]
+    Loss(#[from] LossError),
     /// No run was selected.
     #[error("no run is selected; the recording has the runs: {0}")]
     NoRun(String),
@@ -90,15 +102,17 @@ pub struct Replay {
     pub loaded: Loaded,
     recording: Recording,
     mapping: Mapping,
+    loss: Option<Loss>,
 }
 
 impl Replay {
-    /// Loads both files; keeps the selected runs and writes the faults into them.
+    /// Loads both files; keeps the selected runs, writes the faults into them and will lose samples as asked for.
     pub fn load(
         configuration: &Path,
         recording: &Path,
         runs: &RunSelection,
         faults: &[Fault],
+        loss: Option<Loss>,
     ) -> Result<Self, ReplayError> {
         let loaded = Configuration::from_file(configuration)?;
         let replay = loaded
@@ -106,18 +120,26 @@ impl Replay {
             .replay
             .as_ref()
             .ok_or_else(|| ReplayError::NoReplaySection(configuration.to_path_buf()))?;
-        let mut recording = Recording::read(recording, &replay.time_column, replay.run_column.as_deref())?;
+        if let Some(loss) = &loss {
+            loss.check(&loaded.configuration)?;
+        }
+        let roles = ColumnRoles {
+            time: &replay.time_column,
+            run: replay.run_column.as_deref(),
+            kind: replay.kind_column.as_deref(),
+            fault: replay.fault_column.as_deref(),
+        };
+        let mut recording = Recording::read(recording, roles)?;
+        if let Some(period_ns) = replay.row_period_ns {
+            recording.replay_rows_every(period_ns);
+        }
         let names = recording
             .runs
             .iter()
             .map(|run| run.name.as_str())
             .collect::<Vec<_>>()
             .join(", ");
-        let mut position = 0;
-        recording.runs.retain(|run| {
-            position += 1;
-            runs.takes(position - 1, &run.name)
-        });
+        recording.runs.retain(|run| runs.takes(run.position, &run.name));
         if recording.runs.is_empty() {
             return Err(ReplayError::NoRun(names));
         }
@@ -129,6 +151,7 @@ impl Replay {
             loaded,
             recording,
             mapping,
+            loss,
         })
     }
 
@@ -137,20 +160,19 @@ impl Replay {
         &self.recording.runs
     }
 
-    /// The samples of one run, in time order.
+    /// The samples of one run, in time order, without those that are lost.
     pub fn samples(&self, run: &Run) -> Vec<TimedSample> {
-        self.mapping.samples(run)
+        let mut samples = self.mapping.samples(run);
+        if let Some(loss) = &self.loss {
+            loss.inject(&self.loaded.configuration, run, &mut samples);
+        }
+        samples
     }
 
     /// Replays one run in this process; `take` gets every record.
     pub fn simulate(&self, run: &Run, take: impl FnMut(ReplayRecord)) -> Result<(), ReplayError> {
         let diagnosers = self.loaded.build_diagnosers()?;
-        simulated::replay(
-            &self.loaded.configuration,
-            diagnosers,
-            &self.mapping.samples(run),
-            take,
-        );
+        simulated::replay(&self.loaded.configuration, diagnosers, &self.samples(run), take);
         Ok(())
     }
 }
@@ -162,6 +184,7 @@ pub fn execute(arguments: &ReplayArguments) -> Result<(), ReplayError> {
         &arguments.recording,
         &arguments.runs,
         &arguments.faults,
+        arguments.loss.clone(),
     )?;
     if arguments.through_daemon && replay.runs().len() > 1 {
         return Err(ReplayError::SeveralRuns(replay.runs().len()));
@@ -179,15 +202,16 @@ pub fn execute(arguments: &ReplayArguments) -> Result<(), ReplayError> {
         .map(|path| RecordWriter::create(path, &descriptions))
         .transpose()?;
 
-    let mut report = Report::new(descriptions, !arguments.totals);
+    let mut report = Report::new(descriptions);
     let samples = replay.runs().iter().map(|run| run.rows.len() as u64).sum();
     let bar = ProgressBar::new(samples).with_style(progress_style());
     for run in replay.runs() {
-        let onset_ns = arguments.faults.iter().map(|fault| fault.onset_ns(run)).min();
-        report.begin(run, onset_ns);
+        let injected_ns = arguments.faults.iter().map(|fault| fault.onset_ns(run)).min();
+        let onsets_ns = [injected_ns, run.labelled_onset_ns];
+        report.begin(run, onsets_ns.into_iter().flatten().min());
         let mut failed = None;
         let take = |replayed: ReplayRecord| {
-            report.take(replayed.slot, &replayed.record);
+            report.take(run, &replayed);
             if let (Some(writer), None) = (&mut writer, &failed) {
                 failed = writer.write(&run.name, &replayed).err();
             }
@@ -209,125 +233,26 @@ pub fn execute(arguments: &ReplayArguments) -> Result<(), ReplayError> {
         if let Some(error) = failed {
             return Err(error.into());
         }
-        bar.suspend(|| report.end());
+        if arguments.table.is_none() && !arguments.totals {
+            bar.suspend(|| say(&report.last_run()));
+        }
     }
     bar.finish_and_clear();
-    report.totals();
+    say(&match arguments.table {
+        Some(format) => DetectionTable::new(report.diagnosers(), report.runs()).show(format),
+        None => report.totals(),
+    });
     writer.map_or(Ok(()), RecordWriter::finish)?;
     Ok(())
+}
+
+/// Prints a report; whoever stops reading it halfway has read enough.
+fn say(report: &str) {
+    let _ = std::io::stdout().write_all(report.as_bytes());
 }
 
 /// A bar with counts, times and a message.
 pub(super) fn progress_style() -> ProgressStyle {
     let template = "{wide_bar} {pos}/{len} {elapsed} (eta {eta}) {msg}";
     ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
-}
-
-/// Prints what each run and all runs together showed.
-struct Report {
-    diagnosers: Vec<(String, Description)>,
-    each_run: bool,
-    run: String,
-    onset_ns: Option<u64>,
-    outcomes: Vec<Outcome>,
-    /// Outcomes of all runs with their onsets, by slot.
-    all: Vec<Vec<(Outcome, Option<u64>)>>,
-}
-
-impl Report {
-    fn new(diagnosers: Vec<(String, Description)>, each_run: bool) -> Self {
-        let all = vec![Vec::new(); diagnosers.len()];
-        Self {
-            diagnosers,
-            each_run,
-            run: String::new(),
-            onset_ns: None,
-            outcomes: Vec::new(),
-            all,
-        }
-    }
-
-    fn begin(&mut self, run: &Run, onset_ns: Option<u64>) {
-        self.run.clone_from(&run.name);
-        self.onset_ns = onset_ns;
-        self.outcomes = vec![Outcome::default(); self.diagnosers.len()];
-    }
-
-    fn take(&mut self, slot: usize, record: &StepRecord) {
-        self.outcomes[slot].take(record, self.onset_ns);
-    }
-
-    fn end(&mut self) {
-        for (slot, outcome) in self.outcomes.iter().enumerate() {
-            if self.each_run {
-                let run = if self.run.is_empty() {
-                    String::new()
-                } else {
-                    format!("run {} · ", self.run)
-                };
-                println!(
-                    "{run}{}: {}",
-                    self.diagnosers[slot].0,
-                    self.describe(slot, outcome)
-                );
-            }
-            self.all[slot].push((outcome.clone(), self.onset_ns));
-        }
-    }
-
-    fn describe(&self, slot: usize, outcome: &Outcome) -> String {
-        let seconds = |time_ns: u64| time_ns as f64 * 1e-9;
-        let mut text = format!(
-            "{} steps, {} evaluated, {} false alarms",
-            outcome.steps, outcome.evaluated, outcome.false_alarms
-        );
-        if let Some(onset_ns) = self.onset_ns {
-            text += &match outcome.detected_ns {
-                Some(at) => format!(
-                    ", fault at {:.3} s detected after {:.3} s",
-                    seconds(onset_ns),
-                    seconds(at - onset_ns)
-                ),
-                None => format!(", fault at {:.3} s not detected", seconds(onset_ns)),
-            };
-        }
-        if let Some((at, faults)) = outcome.isolated {
-            let names: Vec<&str> = fault_names(&self.diagnosers[slot].1.faults, faults).collect();
-            text += &format!(", isolated {} at {:.3} s", names.join("+"), seconds(at));
-        }
-        text
-    }
-
-    fn totals(&self) {
-        for ((name, description), outcomes) in self.diagnosers.iter().zip(&self.all) {
-            let runs = outcomes.len();
-            let sum = |of: fn(&Outcome) -> u64| outcomes.iter().map(|(outcome, _)| of(outcome)).sum::<u64>();
-            println!(
-                "{name}: {runs} runs, {} steps, {} evaluated, {} false alarms in {} runs",
-                sum(|outcome| outcome.steps),
-                sum(|outcome| outcome.evaluated),
-                sum(|outcome| outcome.false_alarms),
-                outcomes
-                    .iter()
-                    .filter(|(outcome, _)| outcome.false_alarms > 0)
-                    .count(),
-            );
-            let delays: Vec<u64> = outcomes
-                .iter()
-                .filter_map(|(outcome, onset)| Some(outcome.detected_ns? - (*onset)?))
-                .collect();
-            if outcomes.iter().all(|(_, onset)| onset.is_none()) {
-                continue;
-            }
-            let detected = delays.len();
-            let delay = median(delays).map_or("-".into(), |delay| format!("{:.3} s", delay as f64 * 1e-9));
-            println!("{name}: fault detected in {detected} of {runs} runs, median delay {delay}");
-            for (bit, fault) in description.faults.iter().enumerate() {
-                let isolated = outcomes
-                    .iter()
-                    .filter(|(o, _)| o.isolated.is_some_and(|(_, set)| set >> bit & 1 == 1));
-                println!("{name}: isolated {fault} in {} of {runs} runs", isolated.count());
-            }
-        }
-    }
 }

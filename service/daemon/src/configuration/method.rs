@@ -4,7 +4,9 @@ use super::deserialise::{keys_of, read};
 use super::locate::Mistakes;
 use super::parity_design::with_parity_tests;
 use super::schema::Method;
+use residual_diagnosis::async_imm::options::AsyncImmTables;
 use residual_diagnosis::chi_square::ChiSquareOptions;
+use residual_diagnosis::hinf_filter::options::HinfFilterOptions;
 use residual_diagnosis::method::{Designed, MethodOptions, Refusal};
 use residual_diagnosis::reduced_order_observer::options::ReducedOrderObserverOptions;
 use residual_diagnosis::unknown_input_filter::tables::UnknownInputFilterTables;
@@ -18,6 +20,10 @@ pub enum MethodConfiguration {
     UnknownInputFilter(UnknownInputFilterTables),
     /// `method = "reduced_order_observer"`: decoupled observers with zonotopic bounds.
     ReducedOrderObserver(ReducedOrderObserverOptions),
+    /// `method = "async_imm"`: interacting multiple models on asynchronous sensors under packet loss.
+    AsyncImm(AsyncImmTables),
+    /// `method = "hinf_filter"`: H∞ fault-detection filter with windowed energy.
+    HinfFilter(HinfFilterOptions),
     /// `method = "chi_square"`: state and residual χ² tests, likelihood ratio, cumulative sums.
     ChiSquare(ChiSquareOptions),
 }
@@ -28,6 +34,8 @@ macro_rules! for_each_method {
         match $configuration {
             MethodConfiguration::UnknownInputFilter($tables) => $result,
             MethodConfiguration::ReducedOrderObserver($tables) => $result,
+            MethodConfiguration::AsyncImm($tables) => $result,
+            MethodConfiguration::HinfFilter($tables) => $result,
             MethodConfiguration::ChiSquare($tables) => $result,
         }
     };
@@ -64,6 +72,8 @@ impl MethodConfiguration {
         match self {
             Self::UnknownInputFilter(tables) => with_parity_tests(tables, sample_time_s),
             Self::ReducedOrderObserver(tables) => tables.design(sample_time_s),
+            Self::AsyncImm(tables) => tables.design(sample_time_s),
+            Self::HinfFilter(tables) => tables.design(sample_time_s),
             Self::ChiSquare(tables) => tables.design(sample_time_s),
         }
     }
@@ -81,6 +91,8 @@ impl Method {
         match self {
             Self::UnknownInputFilter => keys_of::<UnknownInputFilterTables>(),
             Self::ReducedOrderObserver => keys_of::<ReducedOrderObserverOptions>(),
+            Self::AsyncImm => keys_of::<AsyncImmTables>(),
+            Self::HinfFilter => keys_of::<HinfFilterOptions>(),
             Self::ChiSquare => keys_of::<ChiSquareOptions>(),
         }
     }
@@ -100,6 +112,10 @@ impl Method {
             }
             Self::ReducedOrderObserver => {
                 read(table, span, path, others, mistakes).map(MethodConfiguration::ReducedOrderObserver)
+            }
+            Self::AsyncImm => read(table, span, path, others, mistakes).map(MethodConfiguration::AsyncImm),
+            Self::HinfFilter => {
+                read(table, span, path, others, mistakes).map(MethodConfiguration::HinfFilter)
             }
             Self::ChiSquare => read(table, span, path, others, mistakes).map(MethodConfiguration::ChiSquare),
         }

@@ -151,6 +151,12 @@ pub struct ReplayConfiguration {
     pub time_column: String,
     /// Column that tells the runs of a file apart.
     pub run_column: Option<String>,
+    /// Column that names the kind of each run.
+    pub kind_column: Option<String>,
+    /// Column that labels real faults; 0 or empty: none.
+    pub fault_column: Option<String>,
+    /// Time from one row to the next in the replay, nanoseconds; none: as recorded.
+    pub row_period_ns: Option<u64>,
     /// What feeds each input; every input at most once.
     pub inputs: Vec<ReplayInput>,
 }
@@ -162,4 +168,8 @@ pub struct ReplayInput {
     pub input: usize,
     /// One expression over the columns per signal.
     pub values: Vec<String>,
+    /// A sample is made of every so many rows, >= 1.
+    pub every_rows: usize,
+    /// The first row that makes a sample, counted from 0, < `every_rows`.
+    pub first_row: usize,
 }

@@ -100,6 +100,8 @@ pub(super) struct Diagnoser {
 pub(super) enum Method {
     UnknownInputFilter,
     ReducedOrderObserver,
+    AsyncImm,
+    HinfFilter,
     ChiSquare,
 }
 
@@ -110,6 +112,12 @@ pub(super) struct Replay {
     #[serde(default)]
     pub run_column: Option<String>,
     #[serde(default)]
+    pub kind_column: Option<String>,
+    #[serde(default)]
+    pub fault_column: Option<String>,
+    #[serde(default)]
+    pub row_period_s: Option<f64>,
+    #[serde(default)]
     pub input: Vec<ReplayInput>,
 }
 
@@ -118,6 +126,10 @@ pub(super) struct Replay {
 pub(super) struct ReplayInput {
     pub input: String,
     pub values: Vec<String>,
+    #[serde(default = "default_every_rows")]
+    pub every_rows: usize,
+    #[serde(default)]
+    pub first_row: usize,
 }
 
 fn default_runtime_directory() -> PathBuf {
@@ -154,4 +166,8 @@ fn default_max_ahead_s() -> f64 {
 
 fn default_max_publishers() -> usize {
     2
+}
+
+fn default_every_rows() -> usize {
+    1
 }

@@ -21,8 +21,8 @@ const POLL: Duration = Duration::from_micros(500);
 /// How long after the last expected record the client gives up.
 const PATIENCE_NS: u64 = 2_000_000_000;
 
-/// How often a diagnoser is shown while nothing happens, nanoseconds of the daemon's time.
-const SHOW_EVERY_NS: u64 = 1_000_000_000;
+/// How often a diagnoser is shown while nothing happens.
+const SHOWN_TIMES: u64 = 8;
 
 /// Why polling failed.
 #[derive(Debug, thiserror::Error)]
@@ -150,7 +150,7 @@ impl Viewer {
         self.finished = record.instant_ns + self.slot.period_ns > self.end_ns;
         let news = self.note(record);
         if news || record.instant_ns >= self.next_shown_ns {
-            self.next_shown_ns = record.instant_ns + SHOW_EVERY_NS;
+            self.next_shown_ns = record.instant_ns + (self.end_ns - self.start_ns) / SHOWN_TIMES;
             let since_start_ns = record.instant_ns - self.start_ns;
             writeln!(output, "{}", view::line(&self.slot, since_start_ns, record))?;
         }

@@ -3,7 +3,8 @@
 use clap::Args;
 
 use super::plants::aircraft::{self, Disturbance};
-use super::plants::{Source, scalar, servo};
+use super::plants::two_state::{self, Fault};
+use super::plants::{Source, scalar, servo, target};
 
 /// What a viewer may vary.
 #[derive(Clone, Debug, Args)]
@@ -107,6 +108,23 @@ pub const SCENARIOS: &[Scenario] = &[
         in_all: true,
     },
     Scenario {
+        name: "target",
+        method: "async_imm",
+        title: "an actuator of a turning target fails, seen by three sensors without a common clock, with losses",
+        configuration: include_str!("../../../../deploy/config/turning_target.toml"),
+        speed: 4.0,
+        duration_s: 40.0,
+        plants: target::sources,
+        expectations: &[Expectation {
+            diagnoser: "turning_target",
+            fault: "acceleration of 2 m/s^2",
+            onset_s: 16.5,
+            detect_within_s: 15.0,
+            isolates: Some("actuator 2"),
+        }],
+        in_all: true,
+    },
+    Scenario {
         name: "scalar",
         method: "chi_square",
         title: "the sensors of a stable, an unstable and a marginal system fail, softly or hard",
@@ -138,6 +156,40 @@ pub const SCENARIOS: &[Scenario] = &[
             },
         ],
         in_all: true,
+    },
+    Scenario {
+        name: "two-state-actuator",
+        method: "hinf_filter",
+        title: "the actuator of a disturbed plant drifts",
+        configuration: include_str!("../../../../deploy/config/two_state.toml"),
+        speed: 2.0,
+        duration_s: 20.0,
+        plants: |variation| two_state::sources(Fault::ActuatorRamp(0.04), variation),
+        expectations: &[Expectation {
+            diagnoser: "two_state_plant",
+            fault: "f1, 0.04 per second",
+            onset_s: 15.01,
+            detect_within_s: 0.3,
+            isolates: Some("f1"),
+        }],
+        in_all: true,
+    },
+    Scenario {
+        name: "two-state-sensor",
+        method: "hinf_filter",
+        title: "the sensor of a disturbed plant is off",
+        configuration: include_str!("../../../../deploy/config/two_state.toml"),
+        speed: 2.0,
+        duration_s: 20.0,
+        plants: |variation| two_state::sources(Fault::SensorStep(0.2), variation),
+        expectations: &[Expectation {
+            diagnoser: "two_state_plant",
+            fault: "f2, step of 0.2",
+            onset_s: 15.0,
+            detect_within_s: 0.1,
+            isolates: Some("f2"),
+        }],
+        in_all: false,
     },
 ];
 

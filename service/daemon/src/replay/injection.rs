@@ -122,7 +122,7 @@ impl FromStr for Fault {
 }
 
 impl Fault {
-    /// When the fault begins in a run, nanoseconds after its start.
+    /// When the fault begins in a run, nanoseconds of the recording after its start.
     pub fn onset_ns(&self, run: &Run) -> u64 {
         match self.onset {
             Onset::Seconds(seconds) => (seconds * 1e9).max(0.0) as u64,
@@ -151,10 +151,10 @@ impl Fault {
         let end_ns = self
             .end_s
             .map_or(u64::MAX, |seconds| (seconds * 1e9).max(0.0) as u64);
-        let first = run.times_ns.partition_point(|&time| time < onset_ns);
+        let first = run.recorded_ns.partition_point(|&time| time < onset_ns);
         let end = match self.kind {
             FaultKind::Spike => first + 1,
-            _ => run.times_ns.partition_point(|&time| time < end_ns),
+            _ => run.recorded_ns.partition_point(|&time| time < end_ns),
         };
         let frozen = run.rows[first.saturating_sub(1).min(run.rows.len() - 1)][column];
         for row in run.rows.iter_mut().take(end).skip(first) {
@@ -175,9 +175,9 @@ mod tests {
 
     fn injected(fault: &str) -> Vec<f64> {
         let run = Run {
-            name: String::new(),
-            times_ns: (0..5).map(|row| row * 1_000_000_000).collect(),
+            recorded_ns: (0..5).map(|row| row * 1_000_000_000).collect(),
             rows: (1..6).map(|value| vec![f64::from(value)]).collect(),
+            ..Run::default()
         };
         let mut recording = Recording {
             columns: vec!["v".into()],

@@ -12,6 +12,8 @@ pub struct TimedSample {
     pub time_ns: u64,
     /// The input.
     pub input: usize,
+    /// Number of the sample among those of its input; a number left out is a lost sample.
+    pub sequence: u64,
     /// One element per signal.
     pub elements: Vec<f64>,
 }
@@ -51,9 +53,17 @@ struct Value {
     columns: Vec<usize>,
 }
 
+/// What feeds one input.
+struct Feed {
+    input: usize,
+    values: Vec<Value>,
+    every_rows: usize,
+    first_row: usize,
+}
+
 /// The mapping of one recording to the inputs of one configuration.
 pub struct Mapping {
-    inputs: Vec<(usize, Vec<Value>)>,
+    feeds: Vec<Feed>,
 }
 
 impl Mapping {
@@ -63,33 +73,53 @@ impl Mapping {
         replay: &ReplayConfiguration,
         recording: &Recording,
     ) -> Result<Self, MappingError> {
-        let mut inputs = Vec::new();
+        let mut feeds = Vec::new();
         for mapped in &replay.inputs {
             let name = &configuration.inputs[mapped.input].name;
             let values = mapped.values.iter().map(|text| Value::new(name, text, recording));
-            inputs.push((mapped.input, values.collect::<Result<_, _>>()?));
+            feeds.push(Feed {
+                input: mapped.input,
+                values: values.collect::<Result<_, _>>()?,
+                every_rows: mapped.every_rows,
+                first_row: mapped.first_row,
+            });
         }
-        Ok(Self { inputs })
+        Ok(Self { feeds })
     }
 
     /// The samples of a run in time order. A row whose expression has no value (an empty cell, a division by
     /// zero) sends no sample: what was not recorded is missing, not invented.
     pub fn samples(&self, run: &Run) -> Vec<TimedSample> {
-        let mut samples = Vec::with_capacity(run.rows.len() * self.inputs.len());
+        let mut samples = Vec::with_capacity(run.rows.len() * self.feeds.len());
+        let mut sequences = vec![0; self.feeds.len()];
         let mut variables = Vec::new();
-        for (&time_ns, row) in run.times_ns.iter().zip(&run.rows) {
-            for (input, values) in &self.inputs {
-                let elements: Vec<f64> = values.iter().map(|value| value.of(row, &mut variables)).collect();
+        for (index, (&time_ns, row)) in run.times_ns.iter().zip(&run.rows).enumerate() {
+            for (feed, sequence) in self.feeds.iter().zip(&mut sequences) {
+                if !feed.takes(index) {
+                    continue;
+                }
+                let values = feed.values.iter();
+                let elements: Vec<f64> = values.map(|value| value.of(row, &mut variables)).collect();
                 if elements.iter().all(|element| element.is_finite()) {
                     samples.push(TimedSample {
                         time_ns,
-                        input: *input,
+                        input: feed.input,
+                        sequence: *sequence,
                         elements,
                     });
+                    *sequence += 1;
                 }
             }
         }
         samples
+    }
+}
+
+impl Feed {
+    /// Whether the row with this index makes a sample.
+    fn takes(&self, row: usize) -> bool {
+        row.checked_sub(self.first_row)
+            .is_some_and(|since| since.is_multiple_of(self.every_rows))
     }
 }
 

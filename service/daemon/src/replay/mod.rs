@@ -8,16 +8,22 @@
 //! |---|---|
 //! | [`recording`] | a CSV file in memory, split into runs |
 //! | [`injection`] | faults written into a recording |
+//! | [`loss`] | packet loss put into a replay |
 //! | [`mapping`] | recording → timed samples of the configured inputs |
 //! | [`records`] | step records to CSV |
 //! | [`sequences`] | a run as one diagnoser would see it |
 //! | [`outcome`] | what the records of a run say: false alarms, detection, isolation |
+//! | [`report`] | the outcomes in words, run by run and in total |
+//! | [`detection_table`] | the outcomes as a table, for people and for programs |
 
+pub mod detection_table;
 pub mod injection;
+pub mod loss;
 pub mod mapping;
 pub mod outcome;
 pub mod recording;
 pub mod records;
+pub mod report;
 pub mod sequences;
 pub mod simulated;
 pub mod through_daemon;

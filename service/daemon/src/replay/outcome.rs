@@ -1,8 +1,21 @@
-//! What the records of one run say about one diagnoser.
+//! What the records of a run say about its diagnosers.
 
 use residual_shared::record::{StepRecord, Verdict, flags};
 
-/// Detection and isolation in one run. Times are nanoseconds since the start of the run.
+/// A run and what each diagnoser made of it. Times are nanoseconds of the recording since the start of the run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RunOutcome {
+    /// The run; empty for the only one.
+    pub run: String,
+    /// Its kind; empty where the recording names none.
+    pub kind: String,
+    /// When its fault, injected or labelled, begins.
+    pub onset_ns: Option<u64>,
+    /// What each diagnoser said.
+    pub outcomes: Vec<Outcome>,
+}
+
+/// Detection and isolation in one run by one diagnoser. Times are nanoseconds since the start of the run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Outcome {
     /// Steps done.
@@ -11,29 +24,33 @@ pub struct Outcome {
     pub evaluated: u64,
     /// Steps with an alarm before the fault's onset (all alarms, when there is no fault).
     pub false_alarms: u64,
-    /// First alarm at or after the onset.
+    /// First alarm at or after the onset; an alarm that has been on since before the onset is none.
     pub detected_ns: Option<u64>,
-    /// First isolation at or after the onset, and the faults isolated.
+    /// First isolation at or after the detection, and the faults isolated.
     pub isolated: Option<(u64, u64)>,
+    /// Whether a false alarm has been on without a break until now.
+    pub false_alarm_on: bool,
 }
 
 impl Outcome {
-    /// Takes the next record; `onset_ns`: when the injected fault begins, if there is one.
-    pub fn take(&mut self, record: &StepRecord, onset_ns: Option<u64>) {
+    /// Takes the next record, made at `at_ns`; `onset_ns`: when the fault begins, if there is one.
+    pub fn take(&mut self, record: &StepRecord, at_ns: u64, onset_ns: Option<u64>) {
         self.steps += 1;
         let evaluated = record.channels().iter().any(|channel| channel.is_evaluated());
         self.evaluated += u64::from(evaluated);
         let alarm = record.flags & flags::ALARM_NOW != 0;
-        let faulty = onset_ns.is_some_and(|onset| record.instant_ns >= onset);
-        if !faulty {
+        if onset_ns.is_none_or(|onset| at_ns < onset) {
             self.false_alarms += u64::from(alarm);
+            self.false_alarm_on = alarm;
             return;
         }
-        if alarm && self.detected_ns.is_none() {
-            self.detected_ns = Some(record.instant_ns);
+        self.false_alarm_on &= alarm;
+        if alarm && !self.false_alarm_on && self.detected_ns.is_none() {
+            self.detected_ns = Some(at_ns);
         }
-        if record.verdict() == Verdict::Isolated && self.isolated.is_none() {
-            self.isolated = Some((record.instant_ns, record.certainly_faulty));
+        let isolated = record.verdict() == Verdict::Isolated && self.detected_ns.is_some();
+        if isolated && self.isolated.is_none() {
+            self.isolated = Some((at_ns, record.certainly_faulty));
         }
     }
 }
@@ -58,17 +75,43 @@ mod tests {
         }
     }
 
+    fn outcome(records: &[StepRecord], onset_ns: Option<u64>) -> Outcome {
+        let mut outcome = Outcome::default();
+        for record in records {
+            outcome.take(record, record.instant_ns, onset_ns);
+        }
+        outcome
+    }
+
     #[test]
     fn alarms_before_the_onset_are_false_and_later_ones_detect() {
-        let mut outcome = Outcome::default();
-        outcome.take(&record(1, Verdict::Fault, true), Some(3));
-        outcome.take(&record(2, Verdict::Nominal, false), Some(3));
-        outcome.take(&record(3, Verdict::Nominal, false), Some(3));
-        outcome.take(&record(4, Verdict::Fault, true), Some(3));
-        outcome.take(&record(5, Verdict::Isolated, true), Some(3));
-        assert_eq!(outcome.false_alarms, 1);
-        assert_eq!(outcome.detected_ns, Some(4));
-        assert_eq!(outcome.isolated, Some((5, 0b10)));
+        let records = [
+            record(1, Verdict::Fault, true),
+            record(2, Verdict::Nominal, false),
+            record(3, Verdict::Nominal, false),
+            record(4, Verdict::Fault, true),
+            record(5, Verdict::Isolated, true),
+        ];
+        let found = outcome(&records, Some(3));
+        assert_eq!(found.false_alarms, 1);
+        assert_eq!(found.detected_ns, Some(4));
+        assert_eq!(found.isolated, Some((5, 0b10)));
+        assert_eq!(outcome(&records, None).false_alarms, 3);
+    }
+
+    #[test]
+    fn an_alarm_that_was_on_before_the_onset_detects_nothing_until_it_rises_anew() {
+        let mut records = vec![
+            record(1, Verdict::Isolated, true),
+            record(2, Verdict::Isolated, true),
+            record(3, Verdict::Isolated, true),
+        ];
+        let continuing = outcome(&records, Some(2));
+        assert_eq!(continuing.false_alarms, 1);
+        assert_eq!((continuing.detected_ns, continuing.isolated), (None, None));
+        records.push(record(4, Verdict::Nominal, false));
+        records.push(record(5, Verdict::Fault, true));
+        assert_eq!(outcome(&records, Some(2)).detected_ns, Some(5));
     }
 
     #[test]

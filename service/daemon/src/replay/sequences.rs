@@ -32,9 +32,9 @@ pub fn sequences(
         .iter()
         .map(|input| inbox(input.signals.len()))
         .collect();
-    for (sequence, sample) in (0..).zip(samples) {
+    for sample in samples {
         let header = SampleHeader {
-            sequence,
+            sequence: sample.sequence,
             timestamp_ns: START_NS + sample.time_ns,
         };
         inboxes[sample.input].accept(0, header, &sample.elements, 0);

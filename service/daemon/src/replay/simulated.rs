@@ -54,15 +54,13 @@ pub fn replay(
         end_ns,
         take,
     };
-    let mut sequences = vec![0; configuration.inputs.len()];
     for sample in samples {
         let now_ns = EPOCH_NS + sample.time_ns;
         step_before(&mut engine, now_ns, &mut collector);
         let header = SampleHeader {
-            sequence: sequences[sample.input],
+            sequence: sample.sequence,
             timestamp_ns: now_ns,
         };
-        sequences[sample.input] += 1;
         engine.accept(sample.input, PUBLISHER, header, &sample.elements, now_ns);
     }
     let longest_margin = configuration

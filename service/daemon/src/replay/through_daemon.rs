@@ -9,6 +9,7 @@ use residual_shared::bounds_table::{Directory, OpenError, TableReader};
 use residual_shared::clock::{DaemonTime, sleep_until_monotonic};
 use residual_shared::names::Instance;
 use residual_shared::record::StepRecord;
+use residual_shared::sample::SampleHeader;
 use residual_shared::transport::{self, RecordSubscriber, SamplePublisher, SendError, TransportError};
 
 use super::mapping::TimedSample;
@@ -96,7 +97,11 @@ pub fn replay(
         let stamp_ns = start_ns + sample.time_ns;
         sleep_until_monotonic(time.to_monotonic(stamp_ns));
         if let Some(publisher) = publishers.get_mut(&sample.input) {
-            publisher.send(stamp_ns, &sample.elements)?;
+            let header = SampleHeader {
+                sequence: sample.sequence,
+                timestamp_ns: stamp_ns,
+            };
+            publisher.send_with_header(header, &sample.elements)?;
         }
         recorder.receive(|header, record| window.take(header, record, &mut take));
         progress(sent as u64 + 1);

@@ -4,9 +4,9 @@ use super::{
     cusum::Cusum,
     filter::{Correction, Filter, FilterWork},
     glr::{Glr, GlrDesign, GlrWork, LikelihoodRatio},
-    plant::StepModel,
     propagator::{Propagator, PropagatorPair, PropagatorWork},
     quadratic_form::QuadraticForm,
+    step_model::StepModel,
     window::{Ring, WindowBank, WindowOutcome},
 };
 use crate::matrix::{Matrix, dot};

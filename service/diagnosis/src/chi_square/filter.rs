@@ -1,6 +1,6 @@
 //! The Kalman filter in square-root innovation form (method sheet 4, steps 1 to 5).
 
-use super::plant::StepModel;
+use super::step_model::StepModel;
 use crate::{
     factor::cholesky,
     matrix::{Matrix, add_scaled, all_finite, apply, dot, forward_substitution, multiply, triangularise},

@@ -1,8 +1,8 @@
 //! Generalised likelihood ratio on the whitened innovations (method sheet 4, step 9).
 //!
 //! Every onset θ of the last M steps, s apart, has a slot with q columns, one per fault mode. With the amplitude
-//! matrix J and the entry matrix N of the modes at this instant:
-//! Δ = Φ F + N, g = L_S⁻¹ (J - H Δ), F = Δ + K̄ g, A += g'e, E += ‖g‖², ℓ = max A²/E.
+//! matrix J (sensor faults) and the entry matrix N (process faults) of the modes at this instant:
+//! Δ = Φ F - N, g = L_S⁻¹ (J - H Δ), F = Δ + K̄ g, A += g'e, E += ‖g‖², ℓ = max A²/E.
 
 use super::{filter::Correction, glr_modes::FaultMode};
 use crate::matrix::{Matrix, add_combination, add_scaled, all_finite, combination, multiply};
@@ -168,13 +168,13 @@ impl Glr {
         }
     }
 
-    /// Δ = Φ F, plus the entry of the process faults.
+    /// Δ = Φ F - N: the shift of x̂ against x, of which a process fault moves x.
     fn delta(&self, design: &GlrDesign, transition: &Matrix, work: &mut GlrWork) {
         multiply(transition, &self.sensitivity, &mut work.delta);
         for (column, mode, age) in columns(&self.onsets, self.steps, &design.modes) {
             if let Some(fault) = design.process_fault(mode) {
                 for i in 0..work.delta.rows() {
-                    work.delta[(i, column)] += design.entry[(i, fault)] * mode.profile.amplitude(age);
+                    work.delta[(i, column)] -= design.entry[(i, fault)] * mode.profile.amplitude(age);
                 }
             }
         }

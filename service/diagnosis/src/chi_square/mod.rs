@@ -25,8 +25,10 @@
 //! at each instant, a calibrated one with the configured probability over a run, provided that model and noise
 //! covariances are right.
 
+mod admissibility;
 mod alarm;
 mod calibration;
+mod channel_writer;
 mod channels;
 mod construction;
 mod cusum;
@@ -38,6 +40,7 @@ mod filter;
 mod glr;
 mod glr_modes;
 mod inputs;
+mod instant;
 mod method;
 mod model_options;
 mod non_centrality;
@@ -48,13 +51,16 @@ mod quadratic_form;
 mod quantile;
 mod random;
 mod stability;
+mod state;
+mod steady;
+mod step_model;
 mod thresholds;
 mod validate;
 mod window;
 
 pub use calibration::Calibration;
-pub use design::{Design, DesignReport, InsensitiveWindow, InseparableModes, SteadyState};
-pub use diagnoser::{ChiSquareDiagnoser, SetModelError};
+pub use design::{Design, DesignReport, InsensitiveWindow, InseparableModes};
+pub use diagnoser::ChiSquareDiagnoser;
 pub use engine::{Outcome, Statistic};
 pub use error::ChiSquareError;
 pub use glr::LikelihoodRatio;
@@ -65,8 +71,9 @@ pub use options::{
     AlarmOptions, ChiSquareOptions, CusumOptions, ExclusionCheck, GlrOptions, NumericsOptions, OnIsolation,
     Signature, StabilityGuard, StatisticKind, StatisticsOptions, ThresholdMode, ThresholdOptions,
 };
-pub use plant::StepModel;
 pub use quadratic_form::QuadraticForm;
 pub use quantile::chi_square_upper_quantile;
 pub use stability::{GuardVerdict, Stability, stability};
+pub use steady::SteadyState;
+pub use step_model::{SetModelError, StepModel};
 pub use thresholds::Thresholds;

@@ -9,10 +9,8 @@
 //! | interval | the same | \|M\| α + \|D1\| H_η, which is what lower and upper ends give by positive and negative parts |
 
 use super::{
-    channels::{describe, fault_names, output_excess},
-    design::Design,
+    channels::output_excess,
     episode::{EpisodeRules, EpisodeState, Findings},
-    error::ConstructionError,
     inputs::{Commands, Inputs},
     observer_pair::{ObserverPair, PairRoom},
     options::Mode,
@@ -23,129 +21,61 @@ use crate::{
     diagnoser::{Description, Diagnoser, StepInput, StepRecord, Verdict, flags},
     matrix::{Matrix, all_finite, apply, multiply, row_sums},
     state::{RestoreError, StateFormat},
-    zonotope::{Reducer, Reduction},
+    zonotope::Reducer,
 };
-use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 /// Version of [`State`].
-const STATE_VERSION: u16 = 1;
+pub(super) const STATE_VERSION: u16 = 1;
 
 /// Everything that changes from instant to instant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct State {
-    started: bool,
+pub(super) struct State {
+    pub(super) started: bool,
     /// A command without a box was missing, or the observers are not finite any more.
-    lost: bool,
-    z1: Vec<f64>,
-    z2: Vec<f64>,
+    pub(super) lost: bool,
+    pub(super) z1: Vec<f64>,
+    pub(super) z2: Vec<f64>,
     /// p.
-    centre: Vec<f64>,
+    pub(super) centre: Vec<f64>,
     /// α.
-    radius: Vec<f64>,
+    pub(super) radius: Vec<f64>,
     /// H of the paper's bound.
-    generators: Matrix,
-    episode: EpisodeState,
+    pub(super) generators: Matrix,
+    pub(super) episode: EpisodeState,
 }
 
 /// The two observers with a bound of z̃1 alone.
 #[derive(Clone, Debug)]
 pub struct BaselineObserver {
-    mode: Mode,
-    observers: ObserverPair,
-    start: Start,
-    m: Matrix,
+    pub(super) mode: Mode,
+    pub(super) observers: ObserverPair,
+    pub(super) start: Start,
+    pub(super) m: Matrix,
     /// |M|.
-    m_absolute: Matrix,
+    pub(super) m_absolute: Matrix,
     /// D1 p_η.
-    shift: Vec<f64>,
+    pub(super) shift: Vec<f64>,
     /// D1 H_η.
-    disturbance: Matrix,
+    pub(super) disturbance: Matrix,
     /// |D1| H_η.
-    spread: Vec<f64>,
-    order: usize,
-    tolerance: f64,
-    episodes: EpisodeRules,
-    inputs: Inputs,
-    rows: Vec<TestRow>,
-    room: Vec<f64>,
-    pair_room: PairRoom,
-    product: Matrix,
-    reducer: Reducer,
-    state: State,
-    idle: State,
-    format: StateFormat,
-    description: Description,
+    pub(super) spread: Vec<f64>,
+    pub(super) order: usize,
+    pub(super) tolerance: f64,
+    pub(super) episodes: EpisodeRules,
+    pub(super) inputs: Inputs,
+    pub(super) rows: Vec<TestRow>,
+    pub(super) room: Vec<f64>,
+    pub(super) pair_room: PairRoom,
+    pub(super) product: Matrix,
+    pub(super) reducer: Reducer,
+    pub(super) state: State,
+    pub(super) idle: State,
+    pub(super) format: StateFormat,
+    pub(super) description: Description,
 }
 
 impl BaselineObserver {
-    /// The diagnoser of a design in the mode `paper` or `tiom`.
-    ///
-    /// # Errors
-    /// [`ConstructionError::TooManyChannels`].
-    pub fn new(design: &Design) -> Result<Self, ConstructionError> {
-        let (plant, options) = (&design.plant, &design.options);
-        let (p, q) = (plant.outputs(), plant.disturbances());
-        let observer = &design.main.observer;
-        let order = options.bounds.effective_generator_order();
-        let d1 = plant.d.rows(0, p).into_owned();
-        let disturbance = &d1 * DMatrix::from_diagonal(&plant.disturbance.radius);
-        // The box of C x(0), relative to ẑ1(0) = C x_c.
-        let radius: Vec<f64> = (plant.c.abs() * &plant.initial_state.radius).as_slice().to_vec();
-        let columns = order.max(p) + q;
-        let mut generators = Matrix::with_capacity(p, columns);
-        generators.append_diagonal(&radius);
-        let state = State {
-            started: false,
-            lost: false,
-            z1: vec![0.0; p],
-            z2: vec![0.0; plant.hidden()],
-            centre: vec![0.0; p],
-            radius,
-            generators,
-            episode: EpisodeState::new(0),
-        };
-        let outputs_only = Design {
-            main: design.main.clone().with_tests(DMatrix::identity(p, p)),
-            ..design.clone()
-        };
-        Ok(Self {
-            mode: options.bounds.mode,
-            observers: ObserverPair::new(observer),
-            start: Start::prior_box(plant, observer, &plant.initial_state),
-            m: Matrix::from(&observer.m),
-            m_absolute: Matrix::from(&observer.m.abs()),
-            shift: (&d1 * &plant.disturbance.centre).as_slice().to_vec(),
-            spread: disturbance.abs().column_sum().as_slice().to_vec(),
-            disturbance: Matrix::from(&disturbance),
-            order,
-            tolerance: options.bounds.rounding_tolerance,
-            episodes: EpisodeRules {
-                alarm_samples: options.bounds.alarm_samples,
-                clear_samples: options.isolation.clear_samples,
-                actuators: plant.actuators(),
-                isolate: false,
-            },
-            inputs: Inputs::new(plant),
-            rows: vec![TestRow::default(); p],
-            room: vec![0.0; p],
-            pair_room: PairRoom::new(plant.states(), p),
-            product: Matrix::with_capacity(p, columns),
-            reducer: Reducer::new(Reduction::Euclidean, p, columns),
-            idle: state.clone(),
-            state,
-            format: StateFormat::new("reduced_order_observer", STATE_VERSION, options),
-            description: Description {
-                method: "reduced_order_observer",
-                channels: describe(&outputs_only)?,
-                faults: fault_names(&options.model, plant.actuators()),
-                measurement_count: p,
-                command_count: plant.actuators(),
-                packets: None,
-            },
-        })
-    }
-
     /// ẑ1 and ẑ2: what is predicted for the next instant.
     pub fn observer_state(&self) -> (&[f64], &[f64]) {
         (&self.state.z1, &self.state.z2)
@@ -193,10 +123,10 @@ impl BaselineObserver {
         let state = &mut self.state;
         let finite = all_finite(&state.z1) && all_finite(&state.z2) && all_finite(&state.radius);
         state.lost = self.inputs.commands == Commands::Lost || !finite;
-        match (self.state.lost, found.tested) {
-            (true, _) => Verdict::GuaranteeLost,
-            (false, true) => Verdict::Nominal,
-            (false, false) => Verdict::NotEvaluated,
+        if found.tested {
+            Verdict::Nominal
+        } else {
+            Verdict::NotEvaluated
         }
     }
 

@@ -134,7 +134,8 @@ impl EpisodeRules {
         (state.active && self.isolate && single).then_some(candidates.trailing_zeros() as usize)
     }
 
-    /// Writes verdict and fault sets; `quiet` is the verdict outside an episode.
+    /// Writes verdict and fault sets; `quiet` is the verdict outside an episode. A lost guarantee goes before an
+    /// episode, which cannot end any more.
     pub fn conclude(&self, state: &EpisodeState, quiet: Verdict, record: &mut StepRecord) {
         record.certainly_faulty = 0;
         record.possibly_faulty = 0;
@@ -146,6 +147,9 @@ impl EpisodeRules {
                 record.certainly_faulty = record.possibly_faulty;
                 verdict = Verdict::Isolated;
             }
+        }
+        if quiet == Verdict::GuaranteeLost {
+            verdict = quiet;
         }
         record.verdict = verdict as u32;
     }

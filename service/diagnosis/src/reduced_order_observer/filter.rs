@@ -64,26 +64,26 @@ impl FilterState {
 /// The constants of one pair of observers.
 #[derive(Clone, Debug)]
 pub(super) struct Filter {
-    observers: ObserverPair,
-    a_e: Matrix,
+    pub(super) observers: ObserverPair,
+    pub(super) a_e: Matrix,
     /// D_e p_η.
-    shift: Vec<f64>,
+    pub(super) shift: Vec<f64>,
     /// D_e H_η.
-    disturbance: Matrix,
+    pub(super) disturbance: Matrix,
     /// -\[N; J\] V.
-    noise: Matrix,
+    pub(super) noise: Matrix,
     /// W.
-    tests: Matrix,
+    pub(super) tests: Matrix,
     /// t, (J + 1) x nw.
-    thresholds: Matrix,
+    pub(super) thresholds: Matrix,
     /// X_inf.
-    steady: Matrix,
+    pub(super) steady: Matrix,
     /// \[B1; E_z\]_i f_bound_i of a member or estimator with a fault bound.
-    fault: Option<Matrix>,
+    pub(super) fault: Option<Matrix>,
     /// Instants after which a fault during a gap is forgotten; 0 for the main observer.
-    memory: u32,
-    rounding_tolerance: f64,
-    order: usize,
+    pub(super) memory: u32,
+    pub(super) rounding_tolerance: f64,
+    pub(super) order: usize,
     /// The actuator whose fault z2 does not see.
     pub actuator: Option<usize>,
 }
@@ -166,7 +166,7 @@ impl Filter {
         state.generators.reshape(self.a_e.rows(), 0);
         state.age = 0;
         state.unguaranteed = 0;
-        if !start.from_output() {
+        if !start.is_at_output() {
             state.generators.append(start.generators());
         }
     }
@@ -254,58 +254,10 @@ impl Filter {
         state.age = (state.age + 1).min(last);
         state.unguaranteed = state.unguaranteed.saturating_sub(1);
     }
-
-    /// With a gap: H ← R_d(\[A_S H, D_e H_η, -\[N; J\] S V, \[B1; E_z\] diag(r_u)\]), c ← A_S c + D_e p_η, after the
-    /// zero-start set has been put into H.
-    fn advance_set_over_gap(&self, state: &mut FilterState, inputs: &Inputs, work: &mut Workspace) {
-        if state.age > 0 {
-            state.generators.append(&self.steady);
-            work.reducer.reduce(&mut state.generators, self.order);
-            state.age = 0;
-        }
-        if let Some(fault) = &self.fault {
-            state.generators.append(fault);
-        }
-        self.gap_dynamics(&inputs.valid, &mut work.dynamics);
-        shifted(&work.dynamics, &self.shift, &mut state.centre, &mut work.centre);
-        multiply(&work.dynamics, &state.generators, &mut work.product);
-        work.product.append(&self.disturbance);
-        for (mask, valid) in work.mask.iter_mut().zip(&inputs.valid) {
-            *mask = f64::from(u8::from(*valid));
-        }
-        work.product.append_scaled(&self.noise, &work.mask);
-        if inputs.commands == Commands::Bridged {
-            work.product
-                .append_scaled(&self.observers.input, &inputs.u_radius);
-        }
-        work.reducer.reduce(&mut work.product, self.order);
-        state.generators.copy_from(&work.product);
-        if !inputs.all_valid {
-            state.unguaranteed = self.memory;
-        } else {
-            state.unguaranteed = state.unguaranteed.saturating_sub(1);
-        }
-    }
-
-    /// A_S = \[\[A1 - N S, A12\], \[J (I - S), F\]\].
-    fn gap_dynamics(&self, valid: &[bool], out: &mut Matrix) {
-        out.copy_from(&self.a_e);
-        let p = valid.len();
-        for i in 0..self.a_e.rows() {
-            for (column, valid) in valid.iter().enumerate() {
-                out[(i, column)] = match (i < p, valid) {
-                    (true, true) => self.observers.a1[(i, column)] - self.observers.n[(i, column)],
-                    (true, false) => self.observers.a1[(i, column)],
-                    (false, true) => 0.0,
-                    (false, false) => self.observers.j[(i - p, column)],
-                };
-            }
-        }
-    }
 }
 
 /// `centre` ← `dynamics` `centre` + `shift`.
-fn shifted(dynamics: &Matrix, shift: &[f64], centre: &mut [f64], room: &mut [f64]) {
+pub(super) fn shifted(dynamics: &Matrix, shift: &[f64], centre: &mut [f64], room: &mut [f64]) {
     apply(dynamics, centre, room);
     for ((target, value), shift) in centre.iter_mut().zip(room.iter()).zip(shift) {
         *target = value + shift;

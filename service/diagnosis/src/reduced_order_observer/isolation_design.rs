@@ -38,7 +38,11 @@ pub fn design_isolation(plant: &Plant, options: &ReducedOrderObserverOptions) ->
         // A member needs an output more than its unknown inputs, an estimator as many.
         for (spare, kind) in [(1, "member"), (0, "estimator")] {
             // With one actuator there is nothing to isolate.
-            let wanted = if spare == 1 { plant.actuators() > 1 } else { isolation.fault_estimate };
+            let wanted = if spare == 1 {
+                plant.actuators() > 1
+            } else {
+                isolation.fault_estimate
+            };
             if !wanted {
                 continue;
             }

@@ -1,15 +1,10 @@
 //! The diagnoser of the joint mode: main observer, members, estimators, verdict (method sheet 4).
 
 use super::{
-    channels::{describe, fault_names, output_excess},
-    design::Design,
+    channels::output_excess,
     episode::{EpisodeRules, EpisodeState, Findings, MemberFindings},
-    error::ConstructionError,
     filter::{Filter, FilterState},
     inputs::{Commands, Inputs},
-    observer::Observer,
-    observer_design::ObserverDesign,
-    options::Initialisation,
     start::Start,
     state_interval::StateInterval,
     test_row::TestRow,
@@ -22,11 +17,11 @@ use crate::{
 use serde::{Deserialize, Serialize};
 
 /// Version of [`State`].
-const STATE_VERSION: u16 = 1;
+pub(super) const STATE_VERSION: u16 = 1;
 
 /// Whether the observers run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-enum Phase {
+pub(super) enum Phase {
     /// No complete sample yet.
     Starting,
     /// The errors are in their sets.
@@ -37,141 +32,45 @@ enum Phase {
 
 /// Everything that changes from instant to instant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct State {
-    phase: Phase,
+pub(super) struct State {
+    pub(super) phase: Phase,
     /// Main observer, members, estimators.
-    filters: Vec<FilterState>,
-    episode: EpisodeState,
+    pub(super) filters: Vec<FilterState>,
+    pub(super) episode: EpisodeState,
 }
 
 /// Starts of one observer.
 #[derive(Clone, Debug)]
-struct Starts {
-    first: Start,
+pub(super) struct Starts {
+    pub(super) first: Start,
     /// From the box of x at all times, if that is configured.
-    again: Option<Start>,
+    pub(super) again: Option<Start>,
 }
 
 /// The observers with the joint zonotope of their errors; no false alarm as long as its assumptions hold.
 #[derive(Clone, Debug)]
 pub struct ReducedOrderObserver {
     /// Main observer, members, estimators.
-    filters: Vec<Filter>,
-    starts: Vec<Starts>,
-    members: usize,
-    outputs: usize,
+    pub(super) filters: Vec<Filter>,
+    pub(super) starts: Vec<Starts>,
+    pub(super) members: usize,
+    pub(super) outputs: usize,
     /// Half widths of the outputs above which an instant counts as not evaluated.
-    too_wide: Vec<f64>,
+    pub(super) too_wide: Vec<f64>,
     /// Those right after a restart.
-    restart_widths: Option<Vec<f64>>,
-    episodes: EpisodeRules,
-    interval: StateInterval,
-    inputs: Inputs,
-    rows: Vec<Vec<TestRow>>,
-    work: Workspace,
-    state: State,
-    idle: State,
-    format: StateFormat,
-    description: Description,
+    pub(super) restart_widths: Option<Vec<f64>>,
+    pub(super) episodes: EpisodeRules,
+    pub(super) interval: StateInterval,
+    pub(super) inputs: Inputs,
+    pub(super) rows: Vec<Vec<TestRow>>,
+    pub(super) work: Workspace,
+    pub(super) state: State,
+    pub(super) idle: State,
+    pub(super) format: StateFormat,
+    pub(super) description: Description,
 }
 
 impl ReducedOrderObserver {
-    /// The diagnoser of a design in the joint mode.
-    ///
-    /// # Errors
-    /// [`ConstructionError`]: too many channels, or a restart box that is wrong.
-    pub fn new(design: &Design) -> Result<Self, ConstructionError> {
-        let (plant, options) = (&design.plant, &design.options);
-        let bounds = &options.bounds;
-        let restart = options.restart_box(plant)?;
-        let isolation = &design.isolation;
-        let designs: Vec<&ObserverDesign> = std::iter::once(&design.main)
-            .chain(&isolation.members)
-            .chain(&isolation.estimators)
-            .collect();
-        let fault_bound = |design: &ObserverDesign| {
-            let bounds = options.isolation.fault_bound.as_ref()?;
-            bounds.get(design.actuator?).copied()
-        };
-        let order = bounds.effective_generator_order();
-        let filters: Vec<Filter> = designs
-            .iter()
-            .map(|design| {
-                Filter::new(
-                    plant,
-                    design,
-                    order,
-                    bounds.rounding_tolerance,
-                    fault_bound(design),
-                )
-            })
-            .collect();
-        let start = |observer: &Observer| match bounds.effective_initialisation() {
-            Initialisation::MeasuredOutput => Start::measured_output(plant, observer, &plant.initial_state),
-            Initialisation::PriorBox => Start::prior_box(plant, observer, &plant.initial_state),
-        };
-        let starts: Vec<Starts> = designs
-            .iter()
-            .map(|design| Starts {
-                first: start(&design.observer),
-                again: restart
-                    .as_ref()
-                    .map(|states| Start::measured_output(plant, &design.observer, states)),
-            })
-            .collect();
-        let hull = design.main.hull();
-        let widths_after = |start: &Start| {
-            let (generators, first) = (start.generators(), design.main.thresholds.row(0));
-            let sums = generators.iter_rows().zip(first.iter());
-            sums.take(plant.outputs())
-                .map(|(row, noise)| crate::matrix::absolute_sum(row) + noise)
-                .collect()
-        };
-        let state = State {
-            phase: Phase::Starting,
-            filters: filters.iter().map(Filter::idle_state).collect(),
-            episode: EpisodeState::new(isolation.members.len()),
-        };
-        Ok(Self {
-            members: isolation.members.len(),
-            outputs: plant.outputs(),
-            too_wide: hull
-                .iter()
-                .map(|width| options.missing.max_width_ratio * width + bounds.rounding_tolerance)
-                .collect(),
-            restart_widths: starts
-                .first()
-                .and_then(|starts| starts.again.as_ref())
-                .map(widths_after),
-            episodes: EpisodeRules {
-                alarm_samples: bounds.alarm_samples,
-                clear_samples: options.isolation.clear_samples,
-                actuators: plant.actuators(),
-                isolate: options.isolation.enabled,
-            },
-            interval: StateInterval::new(plant, &design.main),
-            inputs: Inputs::new(plant),
-            rows: filters
-                .iter()
-                .map(|filter| vec![TestRow::default(); filter.row_count()])
-                .collect(),
-            work: Workspace::new(plant.states(), plant.outputs(), filters.iter()),
-            idle: state.clone(),
-            state,
-            format: StateFormat::new("reduced_order_observer", STATE_VERSION, options),
-            description: Description {
-                method: "reduced_order_observer",
-                channels: describe(design)?,
-                faults: fault_names(&options.model, plant.actuators()),
-                measurement_count: plant.outputs(),
-                command_count: plant.actuators(),
-                packets: None,
-            },
-            filters,
-            starts,
-        })
-    }
-
     /// Centre and radius of the interval of every plant state at the last instant, state units; `None` unless its
     /// sample was complete. Valid only while no fault acts.
     pub fn state_interval(&self) -> Option<(&[f64], &[f64])> {
@@ -212,7 +111,7 @@ impl ReducedOrderObserver {
             Phase::Starting if ready => {
                 self.start(false);
                 match self.starts.first() {
-                    Some(starts) if !starts.first.from_output() => self.run(record),
+                    Some(starts) if !starts.first.is_at_output() => self.run(record),
                     _ => Verdict::Starting,
                 }
             }
@@ -255,10 +154,10 @@ impl ReducedOrderObserver {
         } else {
             self.propagate();
         }
-        match (self.state.phase, tested && !wide) {
-            (Phase::Lost, _) if self.restart_widths.is_none() => Verdict::GuaranteeLost,
-            (_, true) => Verdict::Nominal,
-            (_, false) => Verdict::NotEvaluated,
+        if tested && !wide {
+            Verdict::Nominal
+        } else {
+            Verdict::NotEvaluated
         }
     }
 
@@ -313,7 +212,7 @@ impl ReducedOrderObserver {
         for ((filter, state), starts) in self.filters.iter().zip(&mut self.state.filters).zip(&self.starts) {
             let start = starts.again.as_ref().filter(|_| again).unwrap_or(&starts.first);
             filter.start(state, start, &self.inputs);
-            if start.from_output() {
+            if start.is_at_output() {
                 finite &= filter.leave_start(state, start, &self.inputs, &mut self.work);
             }
         }

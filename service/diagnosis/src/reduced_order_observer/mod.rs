@@ -22,6 +22,7 @@
 //! | d | `generator_order` | | columns of a reduced set |
 
 mod baseline;
+mod baseline_construction;
 pub mod certificate;
 mod channels;
 pub mod decoupling;
@@ -32,10 +33,12 @@ pub mod error;
 mod filter;
 pub mod floors;
 pub mod gains;
+mod gap;
 mod inputs;
 pub mod interval_box;
 pub mod isolation_design;
 mod joint;
+mod joint_construction;
 mod method;
 pub mod observer;
 pub mod observer_design;

@@ -66,7 +66,7 @@ impl Start {
     }
 
     /// Whether the first sample is the start, so that it cannot be tested.
-    pub fn from_output(&self) -> bool {
+    pub fn is_at_output(&self) -> bool {
         matches!(self, Self::MeasuredOutput { .. })
     }
 

@@ -10,7 +10,9 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, unsafe_code)]
 
 mod allocation;
+mod async_imm;
 mod case;
+mod chi_square;
 mod false_alarms;
 mod hinf_filter;
 mod plant;

@@ -22,8 +22,7 @@ const COMMON: [&str; 9] = [
 ];
 
 fn example() -> (HinfFilterOptions, f64) {
-    let path =
-        PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../deploy/config/fault_detection_filter.toml");
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../deploy/config/two_state.toml");
     let text = std::fs::read_to_string(path).unwrap();
     let file: toml::Table = text.parse().unwrap();
     let mut diagnoser = file["diagnoser"].as_array().unwrap()[0]

@@ -1,6 +1,8 @@
 //! `design.json` and the facts of method sheet 8 (a).
 
-use crate::fixtures::{bounded, dense, design, file, given, list, matrices, observer, other_plant, row_major, servo};
+use crate::fixtures::{
+    bounded, dense, design, file, given, list, matrices, observer, other_plant, row_major, servo,
+};
 use crate::support::{assert_close, numbers, rows};
 use nalgebra::{DMatrix, DVector};
 use residual_diagnosis::reduced_order_observer::{
@@ -32,9 +34,16 @@ fn fact_1_the_assumptions_hold_and_there_is_no_zero() {
     assert!(decoupling.zeros.is_empty());
     let mut values = residual_diagnosis::decomposition::eigenvalues(&plant.a).unwrap();
     values.sort_by(|left, right| (left.re, left.im).partial_cmp(&(right.re, right.im)).unwrap());
-    let expected = [(0.5521948, -0.1859318 - 5e-7), (0.5521948, 0.1859318 + 5e-7), (0.9656102, 0.0)];
+    let expected = [
+        (0.5521948, -0.1859318 - 5e-7),
+        (0.5521948, 0.1859318 + 5e-7),
+        (0.9656102, 0.0),
+    ];
     for (found, expected) in values.iter().zip(expected) {
-        assert!((found.re - expected.0).abs() < 1e-6 && (found.im - expected.1).abs() < 1e-6, "{found}");
+        assert!(
+            (found.re - expected.0).abs() < 1e-6 && (found.im - expected.1).abs() < 1e-6,
+            "{found}"
+        );
     }
 }
 
@@ -44,10 +53,17 @@ fn fact_2_the_printed_p_and_l_solve_the_papers_inequality() {
     let (p, l) = (dense(&file["printed"]["P"]), dense(&file["printed"]["L"]));
     let mut eigenvalues = list(&p.clone().symmetric_eigenvalues());
     eigenvalues.sort_by(f64::total_cmp);
-    assert_close("eig P", &eigenvalues, &numbers(&file["printed_solution_check"]["eig_P"]), 1e-8);
+    assert_close(
+        "eig P",
+        &eigenvalues,
+        &numbers(&file["printed_solution_check"]["eig_P"]),
+        1e-8,
+    );
     assert!((eigenvalues[0] / 1e4 - 1.858403).abs() < 1e-3);
     let closed = &plant.a + &l * &plant.c;
-    let change = (closed.transpose() * &p * &closed - &p).symmetric_eigenvalues().max();
+    let change = (closed.transpose() * &p * &closed - &p)
+        .symmetric_eigenvalues()
+        .max();
     assert!((change / 1e4 + 1.857608).abs() < 1e-3, "{change}");
     let radius = residual_diagnosis::spectrum::spectral_radius(&closed).unwrap();
     assert!((radius - 0.054045).abs() < 2e-6);
@@ -64,7 +80,10 @@ fn fact_3_and_4_gains_from_the_printed_p_and_l() {
     assert_close("K", &row_major(&k), &[8.341935, 4.670968], 1e-6);
     assert_close("K printed", &row_major(&k), &numbers(&file["printed"]["K"]), 1e-2);
     let [a11, a12, a21, _] = plant.blocks();
-    let (p11, p12) = (p.view((0, 0), (2, 2)).into_owned(), p.view((0, 2), (2, 1)).into_owned());
+    let (p11, p12) = (
+        p.view((0, 0), (2, 2)).into_owned(),
+        p.view((0, 2), (2, 1)).into_owned(),
+    );
     let (l1, l2) = (l.rows(0, 2).into_owned(), l.rows(2, 1).into_owned());
     let m = &a11 + l1 + p11.try_inverse().unwrap() * p12 * (a21 + l2);
     let n = &a11 - &a12 * &k - &m;
@@ -89,10 +108,18 @@ fn fact_5_all_decoupling_gains() {
     for pole in [0.0, 0.3, -0.5, 0.9] {
         let k = closed_form(&decoupling, &[pole]).unwrap();
         let t = k[0];
-        assert!((k[1] - (0.5 + 0.5 * t)).abs() < 1e-12 && (0.515 - 0.055 * t - pole).abs() < 1e-12, "{k}");
+        assert!(
+            (k[1] - (0.5 + 0.5 * t)).abs() < 1e-12 && (0.515 - 0.055 * t - pole).abs() < 1e-12,
+            "{k}"
+        );
     }
     let deadbeat = closed_form(&decoupling, &[0.0]).unwrap();
-    assert_close("deadbeat", &row_major(&deadbeat), &[103.0 / 11.0, 57.0 / 11.0], 1e-12);
+    assert_close(
+        "deadbeat",
+        &row_major(&deadbeat),
+        &[103.0 / 11.0, 57.0 / 11.0],
+        1e-12,
+    );
     let k = decoupling.project(&dense(&file["printed"]["K"]));
     assert_close("projected", &row_major(&k), &numbers(&file["K_projected"]), 1e-12);
     let (observer, _) = observer(&plant, k, dense(&file["printed"]["M"]));
@@ -100,7 +127,12 @@ fn fact_5_all_decoupling_gains() {
     assert_close("F", observer.f.as_slice(), &numbers(&expected["F"]), 1e-12);
     assert_close("J", &row_major(&observer.j), &numbers(&expected["J"]), 1e-12);
     assert_close("N", &row_major(&observer.n), &numbers(&expected["N"]), 1e-12);
-    assert_close("E_z", observer.input.rows(2, 1).into_owned().as_slice(), &numbers(&expected["K_B1_plus_B2"]), 1e-12);
+    assert_close(
+        "E_z",
+        observer.input.rows(2, 1).into_owned().as_slice(),
+        &numbers(&expected["K_B1_plus_B2"]),
+        1e-12,
+    );
 }
 
 #[test]
@@ -148,7 +180,12 @@ fn fact_8_the_interval_recursion_is_wider_in_the_steady_state() {
     let m = dense(&file["printed"]["M"]).abs();
     let d1 = DVector::from_vec(vec![0.1, 0.2]);
     let steady = (DMatrix::identity(2, 2) - m).try_inverse().unwrap() * d1;
-    assert_close("TIOM", &list(&steady), &numbers(&file["tiom_half_width_steady"]), 1e-9);
+    assert_close(
+        "TIOM",
+        &list(&steady),
+        &numbers(&file["tiom_half_width_steady"]),
+        1e-9,
+    );
     let narrow = numbers(&file["half_width_steady_noise_free"]);
     assert!((narrow[0] / steady[0] - 0.9046310).abs() < 1e-6);
     assert!((narrow[1] / steady[1] - 0.9885940).abs() < 1e-6);
@@ -161,7 +198,9 @@ fn fact_13_the_blind_direction_sees_the_actuator_but_not_the_disturbance() {
     let (observer, reach) = observer(&plant, decoupling.k0.clone(), DMatrix::zeros(2, 2));
     let tests = test_directions(&plant, &reach, true, 32);
     let w = DVector::from_vec(vec![2.0, 1.0]);
-    let blind = tests.row_iter().position(|row| (row.transpose().dot(&w).abs() - w.norm()).abs() < 1e-12);
+    let blind = tests
+        .row_iter()
+        .position(|row| (row.transpose().dot(&w).abs() - w.norm()).abs() < 1e-12);
     assert!(w.dot(&plant.d.rows(0, 2).column(0)).abs() < 1e-12);
     assert!((w.dot(&observer.input.rows(0, 2).column(0)) - 1.2).abs() < 1e-12);
     let table = reach.test_half_widths(&tests);
@@ -180,14 +219,29 @@ fn fact_15_half_widths_and_floors_of_the_design_table() {
         let (observer, reach) = observer(&plant, dense(&entry["K"]), dense(&entry["M"]));
         let tests = test_directions(&plant, &reach, true, 32);
         let found = ObserverDesign::new(observer, reach, tests, None);
-        assert_close(&name, &list(&found.hull()), &numbers(&entry["half_width_steady"]), 1e-8);
+        assert_close(
+            &name,
+            &list(&found.hull()),
+            &numbers(&entry["half_width_steady"]),
+            1e-8,
+        );
         let hull = entry["fault_floor_hull"].as_f64().unwrap();
-        assert!((found.hull_floors()[0] / hull - 1.0).abs() < 1e-8, "{name}: {}", found.hull_floors());
+        assert!(
+            (found.hull_floors()[0] / hull - 1.0).abs() < 1e-8,
+            "{name}: {}",
+            found.hull_floors()
+        );
         let set = found.set_floors()[0];
         match entry["fault_floor_set"].as_f64() {
-            Some(expected) => assert!((set - expected).abs() < 1e-5, "{name}: {set} instead of {expected}"),
+            Some(expected) => assert!(
+                (set - expected).abs() < 1e-5,
+                "{name}: {set} instead of {expected}"
+            ),
             // Without noise the blind direction sees no disturbance, with M = 0 ever, else at the first sample.
-            None => assert!(set < if entry["design"] == "paper" { 1e-4 } else { 1e-9 }, "{name}: {set}"),
+            None => assert!(
+                set < if entry["design"] == "paper" { 1e-4 } else { 1e-9 },
+                "{name}: {set}"
+            ),
         }
     }
 }
@@ -200,10 +254,24 @@ fn fact_16_the_fault_estimator() {
         let [estimator] = design.isolation.estimators.as_slice() else {
             panic!("{:?}", design.warnings)
         };
-        assert_close("K", &row_major(&estimator.observer.k), &numbers(&expected["K"]), 1e-9);
-        assert_close("F", estimator.observer.f.as_slice(), &numbers(&expected["F"]), 1e-9);
+        assert_close(
+            "K",
+            &row_major(&estimator.observer.k),
+            &numbers(&expected["K"]),
+            1e-9,
+        );
+        assert_close(
+            "F",
+            estimator.observer.f.as_slice(),
+            &numbers(&expected["F"]),
+            1e-9,
+        );
         assert_close("φ", estimator.tests.as_slice(), &numbers(&expected["phi"]), 1e-9);
-        assert!((estimator.steady()[0] - radius).abs() < 1e-6, "{}", estimator.steady());
+        assert!(
+            (estimator.steady()[0] - radius).abs() < 1e-6,
+            "{}",
+            estimator.steady()
+        );
     }
 }
 
@@ -230,7 +298,12 @@ fn the_assumptions_are_judged_as_the_reference_judges_them() {
         model = bounded(model, 1.0, 1.0, 0.0);
         let plant = Plant::new(&model).unwrap();
         let found = Decoupling::new(&plant, &plant.d);
-        assert_eq!(found.is_ok(), case["feasible"].as_bool().unwrap(), "{}: {found:?}", case["name"]);
+        assert_eq!(
+            found.is_ok(),
+            case["feasible"].as_bool().unwrap(),
+            "{}: {found:?}",
+            case["name"]
+        );
         match (found, case["invariant_zeros"].as_array()) {
             (Ok(found), Some(zeros)) => {
                 assert_eq!(found.zeros.len(), zeros.len(), "{}", case["name"]);
@@ -267,7 +340,11 @@ fn the_certificate_of_the_deadbeat_observer_agrees() {
     assert_eq!(certificate.delta, expected["delta"].as_f64().unwrap());
     assert_close("P", &row_major(&certificate.p), &numbers(&expected["P"]), 1e-8);
     assert_close("L", &row_major(&certificate.l), &numbers(&expected["L"]), 1e-8);
-    assert!((certificate.decrease + 8.6e-4).abs() < 1e-5, "{}", certificate.decrease);
+    assert!(
+        (certificate.decrease + 8.6e-4).abs() < 1e-5,
+        "{}",
+        certificate.decrease
+    );
     let coupling = (plant.d.transpose() * &certificate.p)[2];
     assert!(coupling.abs() < 1e-12 * certificate.p.amax());
 }
@@ -281,9 +358,24 @@ fn the_closed_form_of_the_vehicle_agrees() {
     options.design.gains = Gains::ClosedForm;
     options.design.poles = Some(numbers(&expected["poles"]));
     let found = design(&options).main;
-    assert_close("width", &list(&found.hull()), &numbers(&expected["half_width_steady"]), 1e-8);
-    assert_close("hull", &list(&found.hull_floors()), &numbers(&expected["fault_floor_hull"]), 1e-8);
-    assert_close("set", &list(&found.set_floors()), &numbers(&expected["fault_floor_set"]), 1e-5);
+    assert_close(
+        "width",
+        &list(&found.hull()),
+        &numbers(&expected["half_width_steady"]),
+        1e-8,
+    );
+    assert_close(
+        "hull",
+        &list(&found.hull_floors()),
+        &numbers(&expected["fault_floor_hull"]),
+        1e-8,
+    );
+    assert_close(
+        "set",
+        &list(&found.set_floors()),
+        &numbers(&expected["fault_floor_set"]),
+        1e-5,
+    );
     options.model.measurement_noise_bound = vec![0.0; 2];
     let widths = numbers(&expected["half_width_steady_noise_free"]);
     assert_close("noise-free", &list(&design(&options).main.hull()), &widths, 1e-8);
@@ -296,13 +388,24 @@ fn auto_takes_the_slow_pole_for_the_floor_and_never_a_worse_width_than_k0() {
     assert!((found.main.observer.f[0] - 0.9).abs() < 1e-9, "{}", found.source);
     assert!((found.main.set_floors()[0] - 0.035125).abs() < 1e-5);
     // One actuator: nothing to isolate, the estimator runs.
-    assert_eq!((found.isolation.members.len(), found.isolation.estimators.len()), (0, 1));
+    assert_eq!(
+        (found.isolation.members.len(), found.isolation.estimators.len()),
+        (0, 1)
+    );
     assert!(found.warnings.is_empty(), "{:?}", found.warnings);
     options.design.objective = Objective::Width;
     let found = design(&options);
-    assert!((found.main.hull().sum() - 0.34267).abs() < 1e-4, "{}", found.main.hull().sum());
+    assert!(
+        (found.main.hull().sum() - 0.34267).abs() < 1e-4,
+        "{}",
+        found.main.hull().sum()
+    );
     // The K0 of the method sheet's table is the narrowest of the closed forms.
-    assert!((found.main.observer.f[0] - 0.526).abs() < 1e-9, "{}", found.source);
+    assert!(
+        (found.main.observer.f[0] - 0.526).abs() < 1e-9,
+        "{}",
+        found.source
+    );
 }
 
 #[test]
@@ -311,7 +414,10 @@ fn slow_poles_lower_the_floors_of_the_vehicle() {
     options.design.gains = Gains::ClosedForm;
     options.design.poles = Some(vec![0.9, 0.8]);
     let floors = design(&options).main.set_floors();
-    assert!((floors[0] - 0.0016).abs() < 5e-5 && (floors[1] - 0.109).abs() < 5e-4, "{floors}");
+    assert!(
+        (floors[0] - 0.0016).abs() < 5e-5 && (floors[1] - 0.109).abs() < 5e-4,
+        "{floors}"
+    );
 }
 
 #[test]
@@ -322,7 +428,13 @@ fn the_set_test_needs_one_sample_where_the_outputs_need_six() {
     let main = design(&options).main;
     let delay = |rows: usize| {
         let tests = main.tests.rows(0, rows).into_owned();
-        guaranteed_delay(&main.observer, &tests, &main.steady().rows(0, rows).into_owned(), 0, 0.5)
+        guaranteed_delay(
+            &main.observer,
+            &tests,
+            &main.steady().rows(0, rows).into_owned(),
+            0,
+            0.5,
+        )
     };
     assert_eq!((delay(2), delay(main.tests.nrows())), (Some(6), Some(1)));
 }
@@ -339,13 +451,30 @@ fn the_vehicles_steering_estimator_is_refused_by_its_radius_and_the_brakes_has_0
     let some = design(&options).isolation;
     assert_eq!(some.estimators.len(), 1);
     assert_eq!(some.estimators[0].actuator, Some(1));
-    assert!(some.warnings[0].contains("fault_estimate_radius_max"), "{:?}", some.warnings);
+    assert!(
+        some.warnings[0].contains("fault_estimate_radius_max"),
+        "{:?}",
+        some.warnings
+    );
+}
+
+#[test]
+fn the_estimators_of_the_six_state_plant_are_as_narrow_as_the_method_sheet_says() {
+    let mut options = other_plant("six_state", 1e-3);
+    options.isolation.poles = vec![0.3, 0.4, 0.5];
+    let found = design(&options).isolation.estimators;
+    let radii: Vec<f64> = found.iter().map(|estimator| estimator.steady()[0]).collect();
+    assert_close("radius", &radii, &[0.00146, 0.0245], 1e-3);
 }
 
 #[test]
 fn given_gains_are_projected_and_kept() {
     let file = file("design.json");
-    let options = given(servo(0.0), &rows(&file["printed"]["K"]), &rows(&file["printed"]["M"]));
+    let options = given(
+        servo(0.0),
+        &rows(&file["printed"]["K"]),
+        &rows(&file["printed"]["M"]),
+    );
     let found = design(&options).main.observer;
     assert_close("K", &row_major(&found.k), &numbers(&file["K_projected"]), 1e-12);
 }

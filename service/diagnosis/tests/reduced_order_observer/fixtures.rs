@@ -1,6 +1,6 @@
 //! Plants, options and runners that the tests of this method share.
 
-use crate::support::{numbers, reference_of, rows};
+use crate::support::{reference_of, rows};
 use nalgebra::{DMatrix, DVector};
 use residual_diagnosis::{
     diagnoser::{Channel, Diagnoser, StepInput, StepRecord},
@@ -118,9 +118,4 @@ pub fn channel(diagnoser: &dyn Diagnoser, record: &StepRecord, name: &str) -> Ch
 /// The design of options that are accepted.
 pub fn design(options: &ReducedOrderObserverOptions) -> Design {
     Design::new(options).unwrap()
-}
-
-/// One number per instant, or one list.
-pub fn series(value: &Value) -> Vec<Vec<f64>> {
-    value.as_array().unwrap().iter().map(numbers).collect()
 }

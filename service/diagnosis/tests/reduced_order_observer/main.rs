@@ -4,9 +4,13 @@
 #[path = "../support/mod.rs"]
 mod support;
 
+mod claims;
 mod design_facts;
 mod fixtures;
+mod mistakes;
 mod noise_missing_reference;
+mod properties;
 mod servo_reference;
+mod simulation;
 mod vehicle_reference;
 mod zonotope_reference;

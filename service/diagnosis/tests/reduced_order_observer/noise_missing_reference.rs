@@ -3,7 +3,7 @@
 use crate::fixtures::{channel, design, file, given, matrices, step};
 use crate::support::{assert_close, numbers, rows};
 use residual_diagnosis::{
-    diagnoser::{Diagnoser, flags},
+    diagnoser::flags,
     reduced_order_observer::{ReducedOrderObserver, design::Design, options::ReducedOrderObserverOptions},
 };
 use serde_json::Value;
@@ -59,8 +59,16 @@ fn every_number_and_every_alarm_of_the_run_agrees() {
             let channel = record.channels()[*position];
             found[2].push(f64::from(u8::from(channel.is_evaluated())));
             let tested = rows(&expected["tested"])[k][row] == 1.0;
-            let ends = if *sign > 0.0 { (channel.lower, channel.upper) } else { (-channel.upper, -channel.lower) };
-            let ends = if tested || k == 0 { ends } else { (f64::NAN, f64::NAN) };
+            let ends = if *sign > 0.0 {
+                (channel.lower, channel.upper)
+            } else {
+                (-channel.upper, -channel.lower)
+            };
+            let ends = if tested || k == 0 {
+                ends
+            } else {
+                (f64::NAN, f64::NAN)
+            };
             found[3].push(sign.signum() * channel.residual);
             found[4].push(ends.0);
             found[5].push(ends.1);
@@ -99,11 +107,24 @@ fn every_number_and_every_alarm_of_the_run_agrees() {
     // `null` stands for three numbers here.
     let triples = |key: &str| -> Vec<f64> {
         let entries = expected[key].as_array().unwrap()[..=60].iter();
-        entries.flat_map(|entry| if entry.is_null() { vec![f64::NAN; 3] } else { numbers(entry) }).collect()
+        entries
+            .flat_map(|entry| {
+                if entry.is_null() {
+                    vec![f64::NAN; 3]
+                } else {
+                    numbers(entry)
+                }
+            })
+            .collect()
     };
     assert_close("x̂", &found[7], &triples("x_hat"), 1e-8);
     assert_close("radius", &found[8], &triples("x_radius"), 1e-8);
-    assert_close("hull alarms", &hull_alarms, &numbers(&expected["hull_alarm_samples"]), 0.0);
+    assert_close(
+        "hull alarms",
+        &hull_alarms,
+        &numbers(&expected["hull_alarm_samples"]),
+        0.0,
+    );
 }
 
 #[test]
@@ -114,7 +135,12 @@ fn the_fault_estimate_agrees_and_contains_the_fault_of_one_sample_ago() {
         panic!("{:?}", design.isolation.warnings)
     };
     let observer = &file["fault_observer"];
-    assert_close("K", estimator.observer.k.as_slice(), &numbers(&observer["K"]), 1e-12);
+    assert_close(
+        "K",
+        estimator.observer.k.as_slice(),
+        &numbers(&observer["K"]),
+        1e-12,
+    );
     assert_close("φ", estimator.tests.as_slice(), &numbers(&observer["phi"]), 1e-12);
     let mut diagnoser = ReducedOrderObserver::new(&design).unwrap();
     let (y, u, f) = (rows(&file["y"]), numbers(&file["u"]), numbers(&file["f"]));
@@ -132,6 +158,16 @@ fn the_fault_estimate_agrees_and_contains_the_fault_of_one_sample_ago() {
         }
     }
     let expected = &file["expected"];
-    assert_close("estimate", &estimates, &numbers(&expected["fault_estimate"]), 1e-8);
-    assert_close("radius", &radii, &numbers(&expected["fault_estimate_radius"]), 1e-8);
+    assert_close(
+        "estimate",
+        &estimates,
+        &numbers(&expected["fault_estimate"]),
+        1e-8,
+    );
+    assert_close(
+        "radius",
+        &radii,
+        &numbers(&expected["fault_estimate_radius"]),
+        1e-8,
+    );
 }

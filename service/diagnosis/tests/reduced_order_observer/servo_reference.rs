@@ -46,7 +46,8 @@ fn run<D: Diagnoser>(mut diagnoser: D, observers: fn(&D) -> (&[f64], &[f64]), fi
         out.z1.extend(z1);
         out.z2.extend(z2);
         let record = step(&mut diagnoser, y, &[u]);
-        out.residual.push(channel(&diagnoser, &record, "output_excess").residual);
+        out.residual
+            .push(channel(&diagnoser, &record, "output_excess").residual);
         for name in ["output_0", "output_1"] {
             let channel = channel(&diagnoser, &record, name);
             assert!((channel.upper + channel.lower).abs() < 1e-12);
@@ -73,7 +74,9 @@ fn run_baseline(file: &Value, mode: Mode) -> Run {
 /// Indices of the instants at which a test alarms.
 fn alarms(run: &Run) -> Vec<usize> {
     let alarming = |record: &StepRecord| record.flags & flags::ALARM_NOW != 0;
-    (0..run.records.len()).filter(|&k| alarming(&run.records[k])).collect()
+    (0..run.records.len())
+        .filter(|&k| alarming(&run.records[k]))
+        .collect()
 }
 
 fn check(name: &str) {
@@ -85,7 +88,12 @@ fn check(name: &str) {
         assert_close("ẑ2", &found.z2[1..], &numbers(&centre["z2_hat"])[1..], 1e-9);
         let widths = numbers(&centre[format!("{key}_half_width")]);
         assert_close(key, &found.widths[..widths.len()], &widths, 1e-8);
-        assert_close(key, &found.residual, &numbers(&centre[format!("{key}_residual")]), 1e-8);
+        assert_close(
+            key,
+            &found.residual,
+            &numbers(&centre[format!("{key}_residual")]),
+            1e-8,
+        );
         check_summary(&found, &file["summary"][key]);
     }
     for (initialisation, start, first) in [
@@ -101,7 +109,11 @@ fn check(name: &str) {
         assert_close(start, &found.widths[2 * first..count], &widths[2 * first..], 1e-8);
         let residual = numbers(&expected["joint_residual"]);
         assert_close(start, &found.residual[first..], &residual[first..], 1e-8);
-        let summary = if first == 0 { "joint_box_centre" } else { "joint_measured_output" };
+        let summary = if first == 0 {
+            "joint_box_centre"
+        } else {
+            "joint_measured_output"
+        };
         check_summary(&found, &file["summary"][summary]);
     }
 }

@@ -44,21 +44,40 @@ fn the_design_agrees() {
     assert_close("T_c", &canonical, &numbers(&file["canonical_T"]), 1e-12);
     let main = &file["main"];
     let steady = design.main.steady();
-    assert_close("main", steady.as_slice(), &numbers(&main["threshold_steady"]), 1e-8);
+    assert_close(
+        "main",
+        steady.as_slice(),
+        &numbers(&main["threshold_steady"]),
+        1e-8,
+    );
     assert_eq!(design.isolation.members.len(), 2);
-    for (i, (found, expected)) in
-        design.isolation.members.iter().zip(file["members"].as_array().unwrap()).enumerate()
+    for (i, (found, expected)) in design
+        .isolation
+        .members
+        .iter()
+        .zip(file["members"].as_array().unwrap())
+        .enumerate()
     {
         assert_eq!(found.actuator, Some(i));
         assert_close("K", &row_major(&found.observer.k), &numbers(&expected["K"]), 1e-8);
-        let mut poles: Vec<f64> = found.eigenvalues().unwrap().iter().map(|value| value.re).collect();
+        let mut poles: Vec<f64> = found
+            .eigenvalues()
+            .unwrap()
+            .iter()
+            .map(|value| value.re)
+            .collect();
         poles.sort_by(f64::total_cmp);
         assert_close("eig F", &poles, &numbers(&expected["eig_F"]), 1e-8);
         let row = numbers(&expected["test_directions"]);
         let inner: f64 = found.tests.iter().zip(&row).map(|(a, b)| a * b).sum();
         assert!((inner.abs() - 1.0).abs() < 1e-12);
         let steady = found.steady();
-        assert_close("steady", steady.as_slice(), &numbers(&expected["threshold_steady"]), 1e-8);
+        assert_close(
+            "steady",
+            steady.as_slice(),
+            &numbers(&expected["threshold_steady"]),
+            1e-8,
+        );
         let other = 1 - i;
         let floors = found.set_floors();
         let expected = expected["fault_floor"][other].as_f64().unwrap();
@@ -86,7 +105,9 @@ fn all_three_scenarios_agree_sample_by_sample() {
                 found[1].push(channel.upper);
             }
             let main = &record.channels()[..main_rows];
-            found[2].push(f64::from(u8::from(main.iter().any(|channel| channel.ratio > 1.0))));
+            found[2].push(f64::from(u8::from(
+                main.iter().any(|channel| channel.ratio > 1.0),
+            )));
             for i in 0..2 {
                 let channel = channel(&diagnoser, &record, &format!("member_{i}_0"));
                 found[3].push(channel.residual.abs());
@@ -101,17 +122,35 @@ fn all_three_scenarios_agree_sample_by_sample() {
         }
         let flat = |key: &str| numbers(&scenario[key]);
         assert_close("main residual", &found[0], &flat("main_residual"), 1e-8);
-        assert_close("main threshold", &found[1], &numbers(&file["main_threshold"]), 1e-8);
+        assert_close(
+            "main threshold",
+            &found[1],
+            &numbers(&file["main_threshold"]),
+            1e-8,
+        );
         assert_close("main alarm", &found[2], &flat("main_alarm"), 0.0);
         let magnitudes: Vec<f64> = flat("member_residual").iter().map(|r| r.abs()).collect();
         assert_close("member residual", &found[3], &magnitudes, 1e-8);
-        assert_close("member threshold", &found[4], &numbers(&file["member_threshold"]), 1e-8);
+        assert_close(
+            "member threshold",
+            &found[4],
+            &numbers(&file["member_threshold"]),
+            1e-8,
+        );
         assert_close("member alarm", &found[5], &flat("member_alarm"), 0.0);
         for (k, expected) in scenario["candidates"].as_array().unwrap().iter().enumerate() {
             assert_eq!(candidates[k], numbers(expected), "{name} at {k}");
         }
-        assert_eq!(isolated_at.map(|found| found.0), scenario["isolation_sample"].as_u64(), "{name}");
-        assert_eq!(isolated_at.map(|found| found.1), scenario["isolated"].as_u64(), "{name}");
+        assert_eq!(
+            isolated_at.map(|found| found.0),
+            scenario["isolation_sample"].as_u64(),
+            "{name}"
+        );
+        assert_eq!(
+            isolated_at.map(|found| found.1),
+            scenario["isolated"].as_u64(),
+            "{name}"
+        );
     }
 }
 

@@ -15,7 +15,10 @@ use residual_diagnosis::{
 };
 
 fn columns(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
-    let mut out: Vec<Vec<f64>> = matrix.column_iter().map(|column| column.iter().copied().collect()).collect();
+    let mut out: Vec<Vec<f64>> = matrix
+        .column_iter()
+        .map(|column| column.iter().copied().collect())
+        .collect();
     out.sort_by(|left, right| left.partial_cmp(right).unwrap());
     out
 }
@@ -64,7 +67,8 @@ fn recursion_options(mode: Mode, order: usize) -> ReducedOrderObserverOptions {
 
 /// Centres and half widths of the bounds with samples that all miss but the first.
 fn bounds(mode: Mode, order: usize, steps: usize) -> (Vec<f64>, Vec<f64>) {
-    let mut diagnoser = BaselineObserver::new(&Design::new(&recursion_options(mode, order)).unwrap()).unwrap();
+    let mut diagnoser =
+        BaselineObserver::new(&Design::new(&recursion_options(mode, order)).unwrap()).unwrap();
     let (mut centres, mut widths) = (Vec::new(), Vec::new());
     for _ in 0..steps {
         let y = diagnoser.observer_state().0.to_vec();
@@ -87,7 +91,12 @@ fn the_papers_recursion_agrees_for_every_order_and_the_interval_recursion_equals
         assert_close("centre", &centres, &numbers(&recursion["center"]), 1e-9);
         // With order 10 two columns of one length 0.8^12 stand at the cut of k = 13: rounding decides there.
         let count = if order == "10" { 2 * 14 } else { widths.len() };
-        assert_close(&format!("order {order}"), &widths[..count], &numbers(expected)[..count], 1e-9);
+        assert_close(
+            &format!("order {order}"),
+            &widths[..count],
+            &numbers(expected)[..count],
+            1e-9,
+        );
     }
     let (centres, widths) = bounds(Mode::Tiom, 2, steps);
     assert_close("centre", &centres, &numbers(&recursion["center"]), 1e-9);

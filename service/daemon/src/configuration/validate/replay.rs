@@ -1,5 +1,6 @@
 //! `[replay]`.
 
+use super::quantity::period_ns;
 use super::refuse_duplicates;
 use crate::configuration::locate::Mistakes;
 use crate::configuration::schema::Replay;
@@ -18,6 +19,9 @@ pub(in crate::configuration) fn replay(
         "input",
         mistakes,
     );
+    let row_period_ns = section
+        .row_period_s
+        .and_then(|seconds| period_ns("replay.row_period_s", seconds, mistakes));
     let mut feeds = Vec::with_capacity(section.input.len());
     for (index, feed) in section.input.into_iter().enumerate() {
         let values_path = format!("replay.input.{index}.values");
@@ -57,14 +61,35 @@ pub(in crate::configuration) fn replay(
                 ),
             );
         }
+        if feed.every_rows == 0 {
+            mistakes.at(
+                &format!("replay.input.{index}.every_rows"),
+                "`every_rows` = 0 takes no row",
+                "use 1 for every row, 2 for every second row, and so on",
+            );
+        } else if feed.first_row >= feed.every_rows {
+            mistakes.at(
+                &format!("replay.input.{index}.first_row"),
+                format!(
+                    "`first_row` = {} lies beyond the first {} rows",
+                    feed.first_row, feed.every_rows
+                ),
+                "use a row from 0 to below `every_rows`",
+            );
+        }
         feeds.push(ReplayInput {
             input,
             values: feed.values,
+            every_rows: feed.every_rows,
+            first_row: feed.first_row,
         });
     }
     ReplayConfiguration {
         time_column: section.time_column,
         run_column: section.run_column,
+        kind_column: section.kind_column,
+        fault_column: section.fault_column,
+        row_period_ns,
         inputs: feeds,
     }
 }

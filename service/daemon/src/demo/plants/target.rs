@@ -21,6 +21,8 @@ const TICKS: u64 = 400;
 const FIRST_FAULTY_TICK: u64 = 165;
 const FAULT: f64 = 2.0;
 const COMMAND: [f64; 2] = [0.5, 0.5];
+/// Ticks between two commands.
+const COMMAND_TICKS: u64 = 5;
 /// Power spectral density of the acceleration noise, m²/s³.
 const NOISE_DENSITY: f64 = 0.01;
 /// Standard deviation of a measured position, m.
@@ -116,6 +118,14 @@ impl Target {
 
 impl Ticking for Target {
     fn tick(&mut self, k: u64, emissions: &mut Vec<Emission>) {
+        if k.is_multiple_of(COMMAND_TICKS) {
+            emissions.push(Emission {
+                time_ns: k * TICK_NS,
+                input: "target_commands",
+                elements: Some(COMMAND.to_vec()),
+                event: None,
+            });
+        }
         for (place, sensor) in SENSORS.iter().enumerate() {
             if self.next_sample[place] != k {
                 continue;

@@ -4,7 +4,6 @@
 //! model becomes steady; from then on the gains repeat themselves and are stored for one period only.
 
 use crate::chi_square::{
-    design::has_settled,
     engine::{Detectors, Engine, EngineDesign},
     error::ChiSquareError,
     filter::Filter,
@@ -13,6 +12,7 @@ use crate::chi_square::{
     plant::Plant,
     propagator::Propagator,
     quadratic_form::QuadraticForm,
+    steady::has_settled,
     thresholds::table,
 };
 use crate::matrix::Matrix;
