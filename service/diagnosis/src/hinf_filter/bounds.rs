@@ -1,8 +1,11 @@
 //! The guaranteed thresholds, instant by instant (method sheet 4.1, items 3, 4 and 7).
 
 use super::{
-    constants::{ErrorModel, GapEnvelope, NoiseBound, ThresholdConstants},
+    constants::{ErrorModel, ThresholdConstants},
+    gap::GapEnvelope,
+    noise::NoiseBound,
     problem::InitialError,
+    rounding::{Magnitudes, Rounding},
     window_energy::WindowEnergy,
 };
 use crate::matrix::{Matrix, absolute_dot, dot, multiply};
@@ -55,16 +58,6 @@ pub(super) struct Bounds {
     work: Work,
 }
 
-/// How rounding errors of x̂ and r reach the residual: ε (P_x |x̂| + P_u |u| + P_y |y| + P_r |r|).
-#[derive(Clone, Debug)]
-struct Rounding {
-    unit: f64,
-    of_state: Matrix,
-    of_command: Matrix,
-    of_output: Matrix,
-    of_residual: Matrix,
-}
-
 #[derive(Clone, Debug)]
 struct Work {
     product: Vec<Matrix>,
@@ -109,14 +102,6 @@ pub(super) struct BoundsDesign<'a> {
     pub window: Option<usize>,
     /// |V|, |C|, |D|, |Ad|, |Bud|, |L| for the bound of rounding errors.
     pub absolute: [DMatrix<f64>; 6],
-}
-
-/// Present sample, for the bound of its rounding errors.
-pub(super) struct Magnitudes<'a> {
-    pub x: &'a [f64],
-    pub u: &'a [f64],
-    /// y and r, if received.
-    pub sample: Option<(&'a [f64], &'a [f64])>,
 }
 
 /// How windows become thresholds.
@@ -190,7 +175,7 @@ impl Bounds {
                 command: vec![0.0; rows],
                 all: vec![0.0; rows],
             },
-            rounding: Rounding::new(design, n),
+            rounding: Rounding::new(&design.absolute, &design.models[0].1.state_gain),
             initial: match &design.initial {
                 InitialError::Box(bound) => Initial::Box(vector(bound.iter().copied())),
                 InitialError::Ball(radius) => Initial::Ball(*radius),
@@ -338,32 +323,6 @@ impl Initial {
         if negligible {
             present.extinguished = true;
             present.s.fill(0.0);
-        }
-    }
-}
-
-impl Rounding {
-    fn new(design: &BoundsDesign<'_>, n: usize) -> Self {
-        let [v, c, d, ad, bud, l] = &design.absolute;
-        let through_state = &design.models[0].1.state_gain;
-        Self {
-            unit: f64::EPSILON * (n + d.ncols() + c.nrows() + 2) as f64,
-            of_state: Matrix::from(&(v * c + through_state * ad)),
-            of_command: Matrix::from(&(v * d + through_state * bud)),
-            of_output: Matrix::from(v),
-            of_residual: Matrix::from(&(through_state * l)),
-        }
-    }
-
-    /// The bound of this instant, and of earlier ones as far as they live on.
-    fn update(&self, bound: &mut [f64], sample: &Magnitudes<'_>, rate: f64) {
-        for (i, bound) in bound.iter_mut().enumerate() {
-            let mut size =
-                absolute_dot(sample.x, self.of_state.row(i)) + absolute_dot(sample.u, self.of_command.row(i));
-            if let Some((y, r)) = sample.sample {
-                size += absolute_dot(y, self.of_output.row(i)) + absolute_dot(r, self.of_residual.row(i));
-            }
-            *bound = (*bound * rate).max(self.unit * size);
         }
     }
 }

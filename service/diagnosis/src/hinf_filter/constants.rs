@@ -2,19 +2,8 @@
 
 use super::plant::{SampledPlant, beside, slew_bound, stacked};
 use crate::decomposition::SingularDecomposition;
-use crate::{
-    norms::{System, WindowConstants, h_infinity_discrete, l1_norm, observability_gramian},
-    spectrum::spectral_radius,
-};
+use crate::norms::{System, WindowConstants, h_infinity_discrete, l1_norm, observability_gramian};
 use nalgebra::{DMatrix, DVector};
-
-/// The gap envelope is complete when nothing later can exceed it by this part.
-const ENVELOPE: f64 = 1e-15;
-/// Longest response that an envelope is taken over.
-const LONGEST: usize = 4_000_000;
-/// Standard deviations of the bounds under measurement noise: peak and window energy.
-const PEAK_DEVIATIONS: f64 = 6.0;
-const ENERGY_DEVIATIONS: f64 = 5.0;
 
 /// The error of a filter when a certain plant is the true one.
 ///
@@ -236,103 +225,4 @@ fn window_gain(system: &System, window: Option<usize>) -> Option<(f64, f64)> {
         None => 0.0,
     };
     gamma.is_finite().then_some((gamma, memory))
-}
-
-/// What a lost sample leaves in the residual: |V C Acᵗ L V⁻¹|_ij <= c_ij r_gᵗ.
-#[derive(Clone, Debug, PartialEq)]
-pub struct GapEnvelope {
-    /// r_g, between the spectral radius of Ac and 1.
-    pub rate: f64,
-    /// c, rows x rows.
-    pub envelope: DMatrix<f64>,
-}
-
-impl GapEnvelope {
-    /// The envelope of a filter whose residual gives r back by `inverse` (q x rows); `None` if it does not decay.
-    pub fn new(filter: ErrorFilter<'_>, inverse: &DMatrix<f64>) -> Option<Self> {
-        let radius = spectral_radius(filter.closed)?;
-        let rate = if radius < 0.25 {
-            radius.sqrt().max(0.05)
-        } else {
-            radius + 0.25 * (1.0 - radius)
-        };
-        let scaled = filter.closed / rate;
-        let output = filter.v * filter.c;
-        let mut response = filter.gain * inverse;
-        let start = row_sums(&output) * response.amax();
-        let mut power = DMatrix::<f64>::identity(scaled.nrows(), scaled.ncols());
-        let mut envelope = (&output * &response).abs();
-        let mut largest_power = 1.0_f64;
-        for _ in 0..LONGEST {
-            response = &scaled * response;
-            power = &scaled * power;
-            let present = (&output * &response).abs();
-            envelope = envelope.zip_map(&present, f64::max);
-            let norm = row_sums(&power);
-            largest_power = largest_power.max(norm);
-            // Every later power is a product of this one and an earlier one.
-            if norm * largest_power * start <= ENVELOPE * envelope.amax().max(f64::MIN_POSITIVE)
-                || start == 0.0
-            {
-                return Some(Self { rate, envelope });
-            }
-            if !norm.is_finite() {
-                return None;
-            }
-        }
-        None
-    }
-}
-
-/// Largest row sum of the absolute values.
-fn row_sums(matrix: &DMatrix<f64>) -> f64 {
-    matrix
-        .row_iter()
-        .map(|row| row.iter().map(|value| value.abs()).sum())
-        .fold(0.0, f64::max)
-}
-
-/// What white measurement noise adds.
-#[derive(Clone, Debug, PartialEq)]
-pub struct NoiseBound {
-    /// ρ_n = 6 √diag(c₀), of every row.
-    pub peak: DVector<f64>,
-    /// J_n, of the tested rows.
-    pub energy: f64,
-}
-
-impl NoiseBound {
-    /// The bound for standard deviations `noise` (q) in a window of `window` samples; `None` if the filter is not
-    /// stable.
-    pub fn new(
-        filter: ErrorFilter<'_>,
-        noise: &DVector<f64>,
-        window: usize,
-        tested: usize,
-        sample_time_s: f64,
-    ) -> Option<Self> {
-        let (a, l) = (filter.closed, filter.gain);
-        let covariance = DMatrix::from_diagonal(&noise.component_mul(noise));
-        let state = crate::lyapunov::discrete(a, &(l * &covariance * l.transpose()))?;
-        let output = filter.v * filter.c;
-        let present = &output * &state * output.transpose() + filter.v * &covariance * filter.v.transpose();
-        let peak = present
-            .diagonal()
-            .map(|value| PEAK_DEVIATIONS * value.max(0.0).sqrt());
-        let select = |matrix: &DMatrix<f64>| matrix.view((0, 0), (tested, tested)).into_owned();
-        let present = select(&present);
-        let mut carried = (a * &state * filter.c.transpose() - l * &covariance) * filter.v.transpose();
-        let mut sum = window as f64 * present.norm_squared();
-        for k in 1..window {
-            let correlation = select(&(&output * &carried));
-            sum += 2.0 * (window - k) as f64 * correlation.norm_squared();
-            carried = a * carried;
-        }
-        let mean = sample_time_s * window as f64 * present.trace();
-        let variance = 2.0 * sample_time_s * sample_time_s * sum;
-        Some(Self {
-            peak,
-            energy: (mean + ENERGY_DEVIATIONS * variance.sqrt()).sqrt(),
-        })
-    }
 }

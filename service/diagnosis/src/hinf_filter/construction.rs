@@ -4,27 +4,23 @@ use super::{
     HinfFilter,
     bank::{design_blind, design_estimate, with_faults},
     bounds::{Bounds, BoundsDesign, BoundsState, WindowRule},
-    constants::{
-        Driven, ErrorFilter, ErrorModel, GapEnvelope, NoiseBound, ThresholdConstants, within_period,
-    },
+    channels::describe,
+    constants::{Driven, ErrorFilter, ErrorModel, ThresholdConstants, within_period},
     diagnoser::{Rules, State},
     error::HinfFilterError,
     filter::{FilterState, ResidualFilter, Threshold},
-    gain::{MainDesign, design_main},
+    gain::design_main,
+    gap::GapEnvelope,
     isolation::{BlindSets, Episode},
+    noise::NoiseBound,
     observer::{Correction, Observer},
-    options::{HinfFilterOptions, RealisationType, ThresholdType},
+    options::{HinfFilterOptions, ThresholdType},
     plant::{Plant, SampledPlant, stacked},
     problem::Problem,
     report::Report,
     synthesis::pseudo_inverse,
 };
-use crate::{
-    decomposition::SingularDecomposition,
-    diagnoser::{ChannelDescription, Description},
-    matrix::Matrix,
-    state::StateFormat,
-};
+use crate::{decomposition::SingularDecomposition, matrix::Matrix, state::StateFormat};
 use nalgebra::{DMatrix, DVector};
 use residual_shared::record::MAX_CHANNELS;
 
@@ -305,73 +301,4 @@ fn with_raw_rows(v: &DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
     let mut inverse = DMatrix::zeros(q, s + q);
     inverse.view_mut((0, s), (q, q)).fill_with_identity();
     (stacked(&[v, &DMatrix::identity(q, q)]), inverse)
-}
-
-/// Channels: energy and residuals of the main filter, of each blind filter, and the fault estimates.
-fn describe(
-    problem: &Problem,
-    options: &HinfFilterOptions,
-    main: &MainDesign,
-    filters: &[ResidualFilter],
-    bank: usize,
-    estimates: bool,
-) -> Description {
-    let (_, p, q, _, _) = problem.plant.dimensions();
-    let plain = main.v == DMatrix::identity(q, q);
-    let names = &problem.faults.names;
-    let mut channels = Vec::new();
-    let mut add = |name: String, unit: &str| {
-        channels.push(ChannelDescription {
-            name,
-            unit: unit.to_owned(),
-        })
-    };
-    for (i, filter) in filters.iter().take(1 + bank).enumerate() {
-        let prefix = match i.checked_sub(1) {
-            None => String::new(),
-            Some(i) => {
-                let blind: Vec<_> = problem.faults.blind[i]
-                    .iter()
-                    .map(|j| names[*j].as_str())
-                    .collect();
-                format!("blind_to_{}_", blind.join("_"))
-            }
-        };
-        add(format!("{prefix}energy"), "");
-        for row in 0..filter.tested {
-            let units = options.model.output_units.as_ref().filter(|_| plain && i == 0);
-            let unit = units.and_then(|units| units.get(row));
-            add(format!("{prefix}r{}", row + 1), unit.map_or("", String::as_str));
-        }
-    }
-    if estimates {
-        names
-            .iter()
-            .for_each(|name| add(format!("fault_estimate_{name}"), ""));
-    }
-    Description {
-        method: METHOD,
-        channels,
-        faults: names.clone(),
-        measurement_count: q,
-        command_count: p,
-        packets: None,
-    }
-}
-
-/// Whether the thresholds hold without exception; otherwise why not.
-pub(super) fn missing_guarantee(options: &HinfFilterOptions, main: &MainDesign) -> Option<String> {
-    if let Some(reason) = &main.certificate.uncertified {
-        return Some(format!("the gain is uncertified: {reason}"));
-    }
-    if options.evaluation.threshold == ThresholdType::Constant {
-        return Some("the threshold is a constant".to_owned());
-    }
-    if options.filter.realisation != RealisationType::DiscreteObserver {
-        return Some("this realisation leaks commands into the residual".to_owned());
-    }
-    if !options.disturbance.noise_std.is_empty() {
-        return Some("noise has no bound: the thresholds hold with a probability only".to_owned());
-    }
-    None
 }

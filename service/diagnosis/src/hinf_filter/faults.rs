@@ -3,7 +3,7 @@
 use super::{
     error::HinfFilterError,
     options::IsolationOptions,
-    problem::{Sign, at_least, positive},
+    reading::{Sign, at_least, positive},
 };
 use nalgebra::DVector;
 use residual_shared::record::MAX_FAULTS;

@@ -1,8 +1,9 @@
 //! One filter: observer, post-filter, windowed energy and its tests (method sheet 4.1).
 
 use super::{
-    bounds::{Bounds, BoundsState, Magnitudes, WindowRule},
+    bounds::{Bounds, BoundsState, WindowRule},
     observer::{Observer, ObserverState},
+    rounding::Magnitudes,
     window_energy::WindowEnergy,
 };
 use crate::diagnoser::Channel;

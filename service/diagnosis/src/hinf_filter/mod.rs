@@ -12,7 +12,7 @@
 //! | γ, μ, κ_j | | norm and memory of the window energy | [`constants::ThresholdConstants`] |
 //! | ρ, J, Jth | s, 1, 1 | bound of r̃, root energy of r̃ in the window, its threshold | `bounds`, `filter` |
 //! | S_v = Cᵛ(Aᵛ)ᵏ | s x dim | what is left of the initial error | `bounds` |
-//! | b, r_g, c | s, 1, s x s | what lost samples may still do | [`constants::GapEnvelope`] |
+//! | b, r_g, c | s, 1, s x s | what lost samples may still do | [`gap::GapEnvelope`] |
 //!
 //! Source: "The design of a robust fault-detection filter: the LMI approach", corrected: the paper's theorem 1 does not
 //! bound the filter that it recovers (method sheet 3.6), so every gain is certified anew, whatever its origin.
@@ -20,7 +20,9 @@
 mod bank;
 mod bounds;
 pub mod certificate;
+mod channels;
 pub mod checks;
+mod combinations;
 pub mod constants;
 mod construction;
 mod diagnoser;
@@ -28,14 +30,18 @@ pub mod error;
 pub mod faults;
 mod filter;
 mod gain;
+pub mod gap;
 mod isolation;
 pub mod method;
+pub mod noise;
 mod observer;
 pub mod options;
 pub mod plant;
 pub mod problem;
+mod reading;
 pub mod realisation;
 mod report;
+mod rounding;
 pub mod synthesis;
 mod window_energy;
 

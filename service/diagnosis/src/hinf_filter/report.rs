@@ -4,11 +4,10 @@ use super::{
     certificate::{Certificate, Time},
     checks::describe,
     constants::ThresholdConstants,
-    construction::missing_guarantee,
     filter::{ResidualFilter, Threshold},
     gain::MainDesign,
     observer::{Observer, ObserverState},
-    options::{HinfFilterOptions, RealisationType},
+    options::{HinfFilterOptions, RealisationType, ThresholdType},
     problem::Problem,
 };
 use nalgebra::{DMatrix, DVector};
@@ -179,4 +178,21 @@ fn command_leak(problem: &Problem, observer: &Observer) -> f64 {
         }
     }
     largest
+}
+
+/// Whether the thresholds hold without exception; otherwise why not.
+fn missing_guarantee(options: &HinfFilterOptions, main: &MainDesign) -> Option<String> {
+    if let Some(reason) = &main.certificate.uncertified {
+        return Some(format!("the gain is uncertified: {reason}"));
+    }
+    if options.evaluation.threshold == ThresholdType::Constant {
+        return Some("the threshold is a constant".to_owned());
+    }
+    if options.filter.realisation != RealisationType::DiscreteObserver {
+        return Some("this realisation leaks commands into the residual".to_owned());
+    }
+    if !options.disturbance.noise_std.is_empty() {
+        return Some("noise has no bound: the thresholds hold with a probability only".to_owned());
+    }
+    None
 }

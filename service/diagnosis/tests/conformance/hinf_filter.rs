@@ -86,9 +86,9 @@ fn riccati(more: &str) -> Case {
     case(ACTUATOR_AND_SENSOR, &format!("{AMPLITUDE}{more}"), actuator)
 }
 
-fn bank(plant: fn(u64) -> Box<dyn Plant>) -> Case {
+fn bank() -> Case {
     let isolation = "[isolation]\nblind_sets = [[\"f1\"], [\"f2\"]]\nfault_bound = [4, 1]\n";
-    case(ACTUATOR_AND_SENSOR, &format!("{AMPLITUDE}{isolation}"), plant)
+    case(ACTUATOR_AND_SENSOR, &format!("{AMPLITUDE}{isolation}"), actuator)
 }
 
 fn listed() -> Case {
@@ -108,8 +108,8 @@ fn listed() -> Case {
 
 conforms! {
     riccati_discrete => riccati("");
-    riccati_continuous => riccati("[synthesis]\ntype = \"riccati_ct\"");
-    left_rectangle_over_half_a_second => riccati("[evaluation]\nwindow = 0.5\ninclude_current = false");
+    riccati_continuous_with_left_rectangle =>
+        riccati("[synthesis]\ntype = \"riccati_ct\"\n[evaluation]\nwindow = 0.5\ninclude_current = false");
     cumulative => riccati("[evaluation]\nwindow = inf");
     one_residual_of_a_given_gain => riccati("[synthesis]\ntype = \"given\"\nL = [[0.02, 0.01], [0.01, 0.02]]\nV = [[1, -1]]");
     window_energy => case(
@@ -118,8 +118,7 @@ conforms! {
         actuator,
     );
     model_bank => listed();
-    isolation_of_the_actuator => bank(actuator);
-    isolation_of_the_sensor => bank(sensor);
+    isolation_bank => bank();
     fault_estimate => case(
         BOTH_SENSORS,
         &format!("{AMPLITUDE}[isolation]\nblind_sets = [[\"f1\"], [\"f2\"]]\nfault_bound = [1, 1]\nfault_slew = [1, 1]\nfault_estimate = true"),

@@ -8,7 +8,8 @@ use residual_diagnosis::{
     diagnoser::Diagnoser,
     hinf_filter::{
         HinfFilter,
-        constants::{Driven, ErrorFilter, ErrorModel, GapEnvelope, ThresholdConstants, within_period},
+        constants::{Driven, ErrorFilter, ErrorModel, ThresholdConstants, within_period},
+        gap::GapEnvelope,
         realisation::{filter_foh, filter_zoh},
         synthesis::{Weighted, matched_gain, synth_riccati_dt},
     },
