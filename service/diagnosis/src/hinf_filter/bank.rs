@@ -92,10 +92,12 @@ fn adds_rank(problem: &Problem, few: &[usize], more: &[usize]) -> bool {
         let limit = RANK * values.largest();
         Some(values.sigma.iter().filter(|sigma| **sigma > limit).count())
     };
-    ANGLES.iter().all(|angle| match (rank(few, *angle), rank(more, *angle)) {
-        (Some(few), Some(more)) => more > few,
-        _ => false,
-    })
+    ANGLES
+        .iter()
+        .all(|angle| match (rank(few, *angle), rank(more, *angle)) {
+            (Some(few), Some(more)) => more > few,
+            _ => false,
+        })
 }
 
 /// L_f with T_rf ≡ Df, and Df⁺, so that Df⁺ r estimates f.

@@ -261,13 +261,13 @@ impl Bounds {
                     *value = dot(row, &present.x);
                 }
             }
-            for i in 0..rho.len() {
+            for (i, rho) in rho.iter_mut().enumerate() {
                 work.all[i] = model.constant[i]
                     + work.initial[i]
                     + work.command[i].abs()
                     + state.gap[i]
                     + state.rounding[i];
-                rho[i] = rho[i].max(work.all[i] + self.noise[i]);
+                *rho = rho.max(work.all[i] + self.noise[i]);
             }
             let by_samples = rule.root(&mut present.all, squares(&work.all[..tested]));
             let initial = rule.root(&mut present.initial, squares(&work.initial[..tested]));

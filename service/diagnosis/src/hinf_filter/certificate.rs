@@ -8,9 +8,7 @@ use super::{
 };
 use crate::{
     decomposition::{SingularDecomposition, eigenvalues},
-    norms::{
-        Norm, System, h_infinity_continuous, h_infinity_discrete, h_minus_continuous, h_minus_discrete,
-    },
+    norms::{Norm, System, h_infinity_continuous, h_infinity_discrete, h_minus_continuous, h_minus_discrete},
 };
 use nalgebra::{Complex, DMatrix};
 
@@ -91,9 +89,7 @@ pub fn certify(
         Time::Discrete => (&sampled.ad, &sampled.bdd, &sampled.bfd),
     };
     let closed = a - &gain.matrix * &plant.c;
-    let poles = eigenvalues(&closed).ok_or(HinfFilterError::Eigenvalues {
-        matrix: "the filter",
-    })?;
+    let poles = eigenvalues(&closed).ok_or(HinfFilterError::Eigenvalues { matrix: "the filter" })?;
     check_stable(gain.time, &poles)?;
     let system = |input: &DMatrix<f64>, direct: &DMatrix<f64>, v: Option<&DMatrix<f64>>| {
         let driven = input - &gain.matrix * direct;
@@ -124,10 +120,16 @@ pub fn certify(
         Time::Continuous => None,
         Time::Discrete => discrete_lower_bound(sampled, &plant.c, &plant.dd),
     };
-    let confirmed = [disturbance, weighted_disturbance, fault, fault_index, unweighted_index]
-        .iter()
-        .chain(&fault_indices)
-        .all(|norm| norm.confirmed);
+    let confirmed = [
+        disturbance,
+        weighted_disturbance,
+        fault,
+        fault_index,
+        unweighted_index,
+    ]
+    .iter()
+    .chain(&fault_indices)
+    .all(|norm| norm.confirmed);
     let mut certificate = Certificate {
         time: gain.time,
         disturbance: disturbance.value,
@@ -144,9 +146,17 @@ pub fn certify(
     certificate.uncertified = if !confirmed {
         Some("a norm could not be confirmed, the eigenvalues of a Hamiltonian did not converge".to_owned())
     } else if certificate.fault < direct_fault.largest() * (1.0 - 1e-9) {
-        Some(format!("‖T_rf‖∞ = {} is below σ_max(Df), which is impossible", certificate.fault))
-    } else if gain.time == Time::Continuous && unweighted_index.value > direct_fault.smallest() * (1.0 + 1e-6) + 1e-12 {
-        Some(format!("‖T_rf‖₋ = {} is above σ_min(Df), which is impossible", unweighted_index.value))
+        Some(format!(
+            "‖T_rf‖∞ = {} is below σ_max(Df), which is impossible",
+            certificate.fault
+        ))
+    } else if gain.time == Time::Continuous
+        && unweighted_index.value > direct_fault.smallest() * (1.0 + 1e-6) + 1e-12
+    {
+        Some(format!(
+            "‖T_rf‖₋ = {} is above σ_min(Df), which is impossible",
+            unweighted_index.value
+        ))
     } else {
         violated_claim(&certificate, claims, sampled.sample_time_s, direct, optimum)
     };
@@ -165,7 +175,9 @@ fn violated_claim(
             return Some(format!("the claimed bound {bound} is below σ_max(Dd) = {direct}"));
         }
         if let Some(optimum) = optimum.filter(|optimum| bound < optimum * (1.0 - BELOW_OPTIMUM)) {
-            return Some(format!("the claimed bound {bound} is below {optimum}, the least of any gain"));
+            return Some(format!(
+                "the claimed bound {bound} is below {optimum}, the least of any gain"
+            ));
         }
         if !(certificate.disturbance <= bound * (1.0 + CLAIM)) {
             let truth = certificate.disturbance;

@@ -1,6 +1,9 @@
 //! Checks of a plant (method sheet 3.1).
 
-use super::{error::HinfFilterError, plant::{Plant, SampledPlant}};
+use super::{
+    error::HinfFilterError,
+    plant::{Plant, SampledPlant},
+};
 use crate::{decomposition::eigenvalues, spectrum::observability_gap};
 use nalgebra::{Complex, DMatrix};
 

@@ -1,11 +1,11 @@
 //! Constants of the guaranteed thresholds (method sheet 3.7).
 
 use super::plant::{SampledPlant, beside, slew_bound, stacked};
+use crate::decomposition::SingularDecomposition;
 use crate::{
     norms::{System, WindowConstants, h_infinity_discrete, l1_norm, observability_gramian},
     spectrum::spectral_radius,
 };
-use crate::decomposition::SingularDecomposition;
 use nalgebra::{DMatrix, DVector};
 
 /// The gap envelope is complete when nothing later can exceed it by this part.
@@ -271,7 +271,9 @@ impl GapEnvelope {
             let norm = row_sums(&power);
             largest_power = largest_power.max(norm);
             // Every later power is a product of this one and an earlier one.
-            if norm * largest_power * start <= ENVELOPE * envelope.amax().max(f64::MIN_POSITIVE) || start == 0.0 {
+            if norm * largest_power * start <= ENVELOPE * envelope.amax().max(f64::MIN_POSITIVE)
+                || start == 0.0
+            {
                 return Some(Self { rate, envelope });
             }
             if !norm.is_finite() {
@@ -313,9 +315,10 @@ impl NoiseBound {
         let covariance = DMatrix::from_diagonal(&noise.component_mul(noise));
         let state = crate::lyapunov::discrete(a, &(l * &covariance * l.transpose()))?;
         let output = filter.v * filter.c;
-        let present =
-            &output * &state * output.transpose() + filter.v * &covariance * filter.v.transpose();
-        let peak = present.diagonal().map(|value| PEAK_DEVIATIONS * value.max(0.0).sqrt());
+        let present = &output * &state * output.transpose() + filter.v * &covariance * filter.v.transpose();
+        let peak = present
+            .diagonal()
+            .map(|value| PEAK_DEVIATIONS * value.max(0.0).sqrt());
         let select = |matrix: &DMatrix<f64>| matrix.view((0, 0), (tested, tested)).into_owned();
         let present = select(&present);
         let mut carried = (a * &state * filter.c.transpose() - l * &covariance) * filter.v.transpose();

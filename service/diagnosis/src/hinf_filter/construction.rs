@@ -164,9 +164,17 @@ impl Builder<'_> {
         let peak_test = guaranteed && amplitude && self.options.evaluation.peak_test.unwrap_or(true);
         let (threshold, bounds, constants) = if guaranteed {
             let (bounds, state, constants) = self.bounds(&design, &v, &inverse, tested)?;
-            (Threshold::Guaranteed(Box::new(bounds)), Some(state), Some(constants))
+            (
+                Threshold::Guaranteed(Box::new(bounds)),
+                Some(state),
+                Some(constants),
+            )
         } else {
-            let constant = self.options.evaluation.constant_threshold.unwrap_or(f64::INFINITY);
+            let constant = self
+                .options
+                .evaluation
+                .constant_threshold
+                .unwrap_or(f64::INFINITY);
             (Threshold::Constant(constant), None, None)
         };
         let rule = WindowRule {
@@ -187,7 +195,13 @@ impl Builder<'_> {
         tested: usize,
     ) -> Result<(Bounds, BoundsState, ThresholdConstants), HinfFilterError> {
         let problem = self.problem;
-        let Problem { plant, sampled, disturbance, faults, .. } = problem;
+        let Problem {
+            plant,
+            sampled,
+            disturbance,
+            faults,
+            ..
+        } = problem;
         let sample_time_s = sampled.sample_time_s;
         let too_slow = || HinfFilterError::TooSlow {
             filter: design.label.to_owned(),
@@ -210,13 +224,21 @@ impl Builder<'_> {
         let others = problem.listed.iter().map(|(plant, sampled)| (plant, sampled));
         let mut models = Vec::new();
         for (index, (true_plant, true_sampled)) in nominal.chain(others).enumerate() {
-            let mut model = error_model(filter, design, (plant, sampled), (true_plant, true_sampled), &direct, &slew, index > 0);
+            let mut model = error_model(
+                filter,
+                design,
+                (plant, sampled),
+                (true_plant, true_sampled),
+                &direct,
+                &slew,
+                index > 0,
+            );
             if design.estimates {
                 let m = plant.dd.ncols();
                 model.f.columns_mut(m, design.faults.len()).fill(0.0);
             }
-            let constants =
-                ThresholdConstants::new(&model, driven, problem.window, tested, sample_time_s).ok_or_else(too_slow)?;
+            let constants = ThresholdConstants::new(&model, driven, problem.window, tested, sample_time_s)
+                .ok_or_else(too_slow)?;
             models.push((model, constants));
         }
         let gap = GapEnvelope::new(filter, inverse).ok_or_else(too_slow)?;
@@ -270,10 +292,7 @@ fn error_model(
 }
 
 fn joined(first: &DVector<f64>, second: &[f64]) -> DVector<f64> {
-    DVector::from_iterator(
-        first.len() + second.len(),
-        first.iter().chain(second).copied(),
-    )
+    DVector::from_iterator(first.len() + second.len(), first.iter().chain(second).copied())
 }
 
 /// V with a left inverse; where it has none, the raw residuals are bounded beside it: \[V; I\] with \[0, I\].
@@ -311,7 +330,10 @@ fn describe(
         let prefix = match i.checked_sub(1) {
             None => String::new(),
             Some(i) => {
-                let blind: Vec<_> = problem.faults.blind[i].iter().map(|j| names[*j].as_str()).collect();
+                let blind: Vec<_> = problem.faults.blind[i]
+                    .iter()
+                    .map(|j| names[*j].as_str())
+                    .collect();
                 format!("blind_to_{}_", blind.join("_"))
             }
         };
@@ -323,7 +345,9 @@ fn describe(
         }
     }
     if estimates {
-        names.iter().for_each(|name| add(format!("fault_estimate_{name}"), ""));
+        names
+            .iter()
+            .for_each(|name| add(format!("fault_estimate_{name}"), ""));
     }
     Description {
         method: METHOD,

@@ -120,7 +120,11 @@ impl State {
         self.command.len() == other.command.len()
             && self.episode.fits(bank)
             && self.filters.len() == other.filters.len()
-            && self.filters.iter().zip(&other.filters).all(|(state, other)| state.fits(other))
+            && self
+                .filters
+                .iter()
+                .zip(&other.filters)
+                .all(|(state, other)| state.fits(other))
     }
 }
 
@@ -233,7 +237,11 @@ impl HinfFilter {
         if heard_u {
             self.state.command.copy_from_slice(u);
         }
-        self.state.gap = if complete { 0 } else { self.state.gap.saturating_add(1) };
+        self.state.gap = if complete {
+            0
+        } else {
+            self.state.gap.saturating_add(1)
+        };
         let sample = complete.then_some(y);
         let command = &self.state.command;
         let mut sound = true;

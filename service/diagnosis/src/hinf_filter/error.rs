@@ -94,7 +94,9 @@ pub enum HinfFilterError {
     )]
     Unbounded,
     /// A window that is not a multiple of the period.
-    #[error("`evaluation.window` is {window} s, {samples} periods; it must be a whole number of periods, at least 1")]
+    #[error(
+        "`evaluation.window` is {window} s, {samples} periods; it must be a whole number of periods, at least 1"
+    )]
     Window {
         /// s.
         window: f64,
@@ -116,7 +118,9 @@ pub enum HinfFilterError {
     )]
     NotMatched,
     /// A gain that is too large.
-    #[error("the norm of the gain is {norm}, above `synthesis.max_gain` = {limit}; increase the noise weight or the limit")]
+    #[error(
+        "the norm of the gain is {norm}, above `synthesis.max_gain` = {limit}; increase the noise weight or the limit"
+    )]
     GainTooLarge {
         /// σ_max of the gain.
         norm: f64,
@@ -132,8 +136,10 @@ pub enum HinfFilterError {
         pole: String,
     },
     /// A gain that fails its certificate.
-    #[error("the gain is uncertified: {reason}; use another gain, or set `synthesis.allow_uncertified` = true and do \
-             without a guarantee")]
+    #[error(
+        "the gain is uncertified: {reason}; use another gain, or set `synthesis.allow_uncertified` = true and do \
+             without a guarantee"
+    )]
     Certificate {
         /// Which condition does not hold.
         reason: String,

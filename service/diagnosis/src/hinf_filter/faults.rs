@@ -50,7 +50,13 @@ impl FaultSet {
         check_names(&names, count)?;
         positive("isolation.blind_weight", Some(options.blind_weight))?;
         positive("isolation.isolation_wait", Some(options.isolation_wait))?;
-        let bound = at_least("isolation.fault_bound", &options.fault_bound, count, "faults", Sign::Positive)?;
+        let bound = at_least(
+            "isolation.fault_bound",
+            &options.fault_bound,
+            count,
+            "faults",
+            Sign::Positive,
+        )?;
         let slew = match &options.fault_slew {
             Some(slew) => at_least("isolation.fault_slew", slew, count, "faults", Sign::NotNegative)?,
             None => DVector::zeros(count),
@@ -117,7 +123,10 @@ fn read_set(i: usize, set: &[String], names: &[String]) -> Result<Vec<usize>, Hi
     }
     if columns.is_empty() || columns.len() == names.len() {
         let text = set.join("\", \"");
-        return Err(wrong(&text, "is no part of the faults; name some of them, not all"));
+        return Err(wrong(
+            &text,
+            "is no part of the faults; name some of them, not all",
+        ));
     }
     columns.sort_unstable();
     Ok(columns)

@@ -10,7 +10,10 @@ use super::{
     realisation::{filter_foh, filter_zoh},
     synthesis::{RiccatiDesign, Weighted, matched_gain, synth_riccati_ct, synth_riccati_dt},
 };
-use crate::{decomposition::SingularDecomposition, tables::{matrix, shaped_matrix}};
+use crate::{
+    decomposition::SingularDecomposition,
+    tables::{matrix, shaped_matrix},
+};
 use nalgebra::DMatrix;
 
 /// The gain of the filter in force.
@@ -105,10 +108,7 @@ fn accepted(
     }
 }
 
-fn find_gain(
-    problem: &Problem,
-    options: &HinfFilterOptions,
-) -> Result<(Gain, Option<f64>), HinfFilterError> {
+fn find_gain(problem: &Problem, options: &HinfFilterOptions) -> Result<(Gain, Option<f64>), HinfFilterError> {
     let (plant, sampled) = (&problem.plant, &problem.sampled);
     let (n, _, q, _, _) = plant.dimensions();
     let synthesis = &options.synthesis;
@@ -136,7 +136,10 @@ fn find_gain(
             check_bounded(plant, problem)?;
             let (weight, noise) = (&problem.disturbance_weight, &problem.noise_weight);
             let weighted = Weighted::new(&plant.bd, &plant.dd, weight, noise);
-            designed(Time::Continuous, synth_riccati_ct(plant, &weighted).map_err(refused)?)
+            designed(
+                Time::Continuous,
+                synth_riccati_ct(plant, &weighted).map_err(refused)?,
+            )
         }
         DesignType::Matched => {
             let (time, input) = match discrete {
@@ -144,7 +147,14 @@ fn find_gain(
                 false => (Time::Continuous, &plant.bd),
             };
             let matrix = matched_gain(input, &plant.dd).ok_or(HinfFilterError::NotMatched)?;
-            (Gain { time, matrix, v: v()? }, None)
+            (
+                Gain {
+                    time,
+                    matrix,
+                    v: v()?,
+                },
+                None,
+            )
         }
         DesignType::Given => {
             let (time, key, rows) = match (&synthesis.l, &synthesis.h) {
@@ -153,7 +163,14 @@ fn find_gain(
                 (None, None) => (Time::Discrete, "synthesis.L", &[][..]),
             };
             let matrix = shaped_matrix(key, rows, (n, q), "states x outputs")?;
-            (Gain { time, matrix, v: v()? }, None)
+            (
+                Gain {
+                    time,
+                    matrix,
+                    v: v()?,
+                },
+                None,
+            )
         }
     };
     Ok(gain)

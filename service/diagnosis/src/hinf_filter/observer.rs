@@ -1,6 +1,9 @@
 //! The observer: from samples to the residual r = y - C x̂ - D u (method sheet 4.1).
 
-use super::{plant::{Plant, SampledPlant}, realisation::{FirstOrderFilter, ZeroOrderFilter}};
+use super::{
+    plant::{Plant, SampledPlant},
+    realisation::{FirstOrderFilter, ZeroOrderFilter},
+};
 use crate::matrix::{Matrix, dot};
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};

@@ -99,12 +99,22 @@ impl Problem {
         let noise = &options.disturbance.noise_std;
         let noise = match noise.is_empty() {
             true => None,
-            false => Some(at_least("disturbance.noise_std", noise, q, "outputs", Sign::Positive)?),
+            false => Some(at_least(
+                "disturbance.noise_std",
+                noise,
+                q,
+                "outputs",
+                Sign::Positive,
+            )?),
         };
         let disturbance_weight = match (&options.synthesis.disturbance_weight, &disturbance.amplitude) {
-            (Some(weight), _) => {
-                at_least("synthesis.disturbance_weight", weight, m, "disturbances", Sign::Positive)?
-            }
+            (Some(weight), _) => at_least(
+                "synthesis.disturbance_weight",
+                weight,
+                m,
+                "disturbances",
+                Sign::Positive,
+            )?,
             (None, Some(amplitude)) => amplitude.clone(),
             (None, None) => DVector::from_element(m, 1.0),
         };
@@ -205,10 +215,14 @@ impl Problem {
             return conflict("evaluation.peak_test", reason);
         }
         if self.window.is_none() && self.noise.is_some() {
-            let reason = "with `evaluation.window` = inf, whose noise energy has no bound; give a finite window";
+            let reason =
+                "with `evaluation.window` = inf, whose noise energy has no bound; give a finite window";
             return conflict("disturbance.noise_std", reason);
         }
-        if self.window.is_none() && self.disturbance.window_energy.is_some() && self.disturbance.slew.amax() > 0.0 {
+        if self.window.is_none()
+            && self.disturbance.window_energy.is_some()
+            && self.disturbance.slew.amax() > 0.0
+        {
             let reason = "with a window energy and `evaluation.window` = inf; remove it";
             return conflict("disturbance.slew", reason);
         }
@@ -259,7 +273,10 @@ fn check_gain_keys(options: &HinfFilterOptions) -> Result<(), HinfFilterError> {
         ("synthesis.claimed_bound", synthesis.claimed_bound.is_some()),
         ("synthesis.pole_decay", synthesis.pole_decay.is_some()),
         ("synthesis.pole_radius", synthesis.pole_radius.is_some()),
-        ("synthesis.V", synthesis.v.is_some() && synthesis.design != DesignType::Matched),
+        (
+            "synthesis.V",
+            synthesis.v.is_some() && synthesis.design != DesignType::Matched,
+        ),
     ] {
         if present && !given {
             return Err(HinfFilterError::Conflict { key, reason });
@@ -355,8 +372,18 @@ fn read_plant(model: &PlantOptions) -> Result<Plant, HinfFilterError> {
             true => DMatrix::zeros(q, p),
             false => shaped("model.D", &model.d, (q, p), "outputs x commands")?,
         },
-        bd: shaped("model.Bd", &model.bd, (n, columns(&model.bd)), "states x disturbances")?,
-        dd: shaped("model.Dd", &model.dd, (q, columns(&model.bd)), "outputs x disturbances")?,
+        bd: shaped(
+            "model.Bd",
+            &model.bd,
+            (n, columns(&model.bd)),
+            "states x disturbances",
+        )?,
+        dd: shaped(
+            "model.Dd",
+            &model.dd,
+            (q, columns(&model.bd)),
+            "outputs x disturbances",
+        )?,
         bf: shaped("model.Bf", &model.bf, (n, columns(&model.bf)), "states x faults")?,
         df: shaped("model.Df", &model.df, (q, columns(&model.bf)), "outputs x faults")?,
         a: shaped("model.A", &model.a, (n, n), "states x states")?,

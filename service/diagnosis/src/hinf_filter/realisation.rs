@@ -59,7 +59,9 @@ pub fn filter_foh(plant: &Plant, gain: &DMatrix<f64>, sample_time_s: f64) -> Fir
     augmented
         .view_mut((n, n + q), (q, q))
         .copy_from(&DMatrix::identity(q, q));
-    let g1 = matrix_exponential(&augmented).view((0, n + q), (n, q)).into_owned();
+    let g1 = matrix_exponential(&augmented)
+        .view((0, n + q), (n, q))
+        .into_owned();
     FirstOrderFilter {
         phi,
         gu,

@@ -66,33 +66,61 @@ impl Report {
     pub fn notes(&self) -> Vec<(&'static str, String)> {
         let certificate = &self.certificate;
         let poles: Vec<_> = certificate.poles.iter().map(|pole| describe(*pole)).collect();
-        let list = |values: &[f64]| values.iter().map(|value| format!("{value:.4e}")).collect::<Vec<_>>().join(", ");
+        let list = |values: &[f64]| {
+            values
+                .iter()
+                .map(|value| format!("{value:.4e}"))
+                .collect::<Vec<_>>()
+                .join(", ")
+        };
         let mut notes = vec![
             ("poles", poles.join(", ")),
             ("norm of the gain", format!("{:.6}", certificate.gain)),
             (
                 "largest gain from disturbance to residual",
-                format!("{:.9} (no gain reaches less than {:.9})", certificate.disturbance, certificate.lower_bound),
+                format!(
+                    "{:.9} (no gain reaches less than {:.9})",
+                    certificate.disturbance, certificate.lower_bound
+                ),
             ),
-            ("the same after the post-filter", format!("{:.9}", certificate.weighted_disturbance)),
-            ("largest gain from fault to residual", format!("{:.6}", certificate.fault)),
+            (
+                "the same after the post-filter",
+                format!("{:.9}", certificate.weighted_disturbance),
+            ),
+            (
+                "largest gain from fault to residual",
+                format!("{:.6}", certificate.fault),
+            ),
             (
                 match certificate.time {
                     Time::Discrete => "smallest gain from fault to filtered residual",
                     Time::Continuous => "smallest gain from fault to filtered residual (continuous)",
                 },
-                format!("{:.6}; fault by fault {}", certificate.fault_index, list(&certificate.fault_indices)),
+                format!(
+                    "{:.6}; fault by fault {}",
+                    certificate.fault_index,
+                    list(&certificate.fault_indices)
+                ),
             ),
         ];
         if let Some(constants) = &self.constants {
-            notes.push(("bounds of the residuals under disturbance", list(constants.amplitude.as_slice())));
-            notes.push(("threshold of the window energy under disturbance", format!("{:.4e}", constants.energy)));
+            notes.push((
+                "bounds of the residuals under disturbance",
+                list(constants.amplitude.as_slice()),
+            ));
+            notes.push((
+                "threshold of the window energy under disturbance",
+                format!("{:.4e}", constants.energy),
+            ));
         }
         if let Some(detectable) = &self.detectable {
             notes.push(("smallest constant faults sure to be seen", list(detectable)));
         }
         if let Some(leak) = self.command_leak {
-            notes.push(("largest residual after a unit step of a command", format!("{leak:.4e}")));
+            notes.push((
+                "largest residual after a unit step of a command",
+                format!("{leak:.4e}"),
+            ));
         }
         if !self.blind_leaks.is_empty() {
             notes.push(("what blind filters pass of their faults", list(&self.blind_leaks)));

@@ -22,12 +22,7 @@ pub struct Weighted {
 
 impl Weighted {
     /// Weights the disturbances by `disturbance` (m) and adds measurement noise of amplitude `noise` (q).
-    pub fn new(
-        b: &DMatrix<f64>,
-        d: &DMatrix<f64>,
-        disturbance: &DVector<f64>,
-        noise: &DVector<f64>,
-    ) -> Self {
+    pub fn new(b: &DMatrix<f64>, d: &DMatrix<f64>, disturbance: &DVector<f64>, noise: &DVector<f64>) -> Self {
         let weight = DMatrix::from_diagonal(disturbance);
         Self {
             b: beside(&[&(b * &weight), &DMatrix::zeros(b.nrows(), noise.len())]),
@@ -78,8 +73,7 @@ pub fn synth_riccati_ct(plant: &Plant, weighted: &Weighted) -> Result<RiccatiDes
     design(&plant.a, &plant.c, weighted, &plant.bd, care)
 }
 
-type Equation =
-    fn(&DMatrix<f64>, &DMatrix<f64>, Covariances<'_>) -> Result<RiccatiSolution, RiccatiError>;
+type Equation = fn(&DMatrix<f64>, &DMatrix<f64>, Covariances<'_>) -> Result<RiccatiSolution, RiccatiError>;
 
 fn design(
     a: &DMatrix<f64>,
@@ -89,7 +83,10 @@ fn design(
     equation: Equation,
 ) -> Result<RiccatiDesign, RiccatiError> {
     let n = a.nrows();
-    let (s, r) = (&weighted.b * weighted.d.transpose(), &weighted.d * weighted.d.transpose());
+    let (s, r) = (
+        &weighted.b * weighted.d.transpose(),
+        &weighted.d * weighted.d.transpose(),
+    );
     let q = &weighted.b * weighted.b.transpose();
     let noise = Covariances { q: &q, s: &s, r: &r };
     let solution = equation(a, c, noise).or_else(|error| {
@@ -112,7 +109,8 @@ fn design(
 /// Ω^{-1/2} and λ_max(Ω) of a positive definite Ω.
 fn inverse_root(omega: &DMatrix<f64>) -> (DMatrix<f64>, f64) {
     let decomposition = SingularDecomposition::new(omega);
-    let scaled = &decomposition.v * DMatrix::from_diagonal(&decomposition.sigma.map(|value| value.powf(-0.5)));
+    let scaled =
+        &decomposition.v * DMatrix::from_diagonal(&decomposition.sigma.map(|value| value.powf(-0.5)));
     let root = scaled * decomposition.v.transpose();
     ((&root + root.transpose()) / 2.0, decomposition.largest())
 }

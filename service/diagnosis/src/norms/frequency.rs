@@ -27,7 +27,10 @@ pub(super) fn dense_grid(poles: &[Complex<f64>]) -> Vec<f64> {
 }
 
 fn grid(poles: &[Complex<f64>], count: usize) -> impl Iterator<Item = f64> {
-    let moduli = poles.iter().map(|pole| pole.norm()).filter(|modulus| *modulus > 0.0);
+    let moduli = poles
+        .iter()
+        .map(|pole| pole.norm())
+        .filter(|modulus| *modulus > 0.0);
     let (low, high) = moduli.fold((f64::INFINITY, 0.0_f64), |(low, high), modulus| {
         (low.min(modulus), high.max(modulus))
     });
@@ -94,8 +97,8 @@ fn robust_eigenvalues(matrix: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
             return eigenvalues(matrix);
         }
         let direction = DVector::from_fn(n, |i, _| ((i + 1) as f64 * f64::from(attempt) * 1.7).sin());
-        let reflector = DMatrix::identity(n, n)
-            - &direction * direction.transpose() * (2.0 / direction.norm_squared());
+        let reflector =
+            DMatrix::identity(n, n) - &direction * direction.transpose() * (2.0 / direction.norm_squared());
         eigenvalues(&(&reflector * matrix * &reflector))
     })
 }

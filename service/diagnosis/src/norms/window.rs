@@ -27,7 +27,10 @@ pub struct WindowConstants {
 impl WindowConstants {
     /// The constants of (A, E, C) for `window` samples; `None` unless A is stable.
     pub fn new(a: &DMatrix<f64>, e: &DMatrix<f64>, c: &DMatrix<f64>, window: usize) -> Option<Self> {
-        let (observability, reachability) = (gramian(&a.transpose(), &c.transpose(), window), gramian(a, e, window));
+        let (observability, reachability) = (
+            gramian(&a.transpose(), &c.transpose(), window),
+            gramian(a, e, window),
+        );
         let (left, right) = (root(&observability), root(&reachability).transpose());
         let over_window = power(a, window);
         let mut carried = right;

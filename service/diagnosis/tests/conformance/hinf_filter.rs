@@ -94,7 +94,13 @@ fn bank(plant: fn(u64) -> Box<dyn Plant>) -> Case {
 fn listed() -> Case {
     let models = [1.05, 0.95].map(|factor| {
         let a = continuous(factor).a;
-        format!("{{ A = [[{}, {}], [{}, {}]] }}", a[(0, 0)], a[(0, 1)], a[(1, 0)], a[(1, 1)])
+        format!(
+            "{{ A = [[{}, {}], [{}, {}]] }}",
+            a[(0, 0)],
+            a[(0, 1)],
+            a[(1, 0)],
+            a[(1, 1)]
+        )
     });
     let faults = format!("{ACTUATOR_AND_SENSOR}listed_models = [{}]\n", models.join(", "));
     case(&faults, AMPLITUDE, one_of_three)

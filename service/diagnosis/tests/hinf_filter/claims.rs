@@ -35,7 +35,10 @@ fn median_and_worst(mut delays: Vec<usize>) -> (f64, f64) {
     delays.sort_unstable();
     let time = |k: usize| (k - 1500) as f64 * TS;
     let half = delays.len() / 2;
-    ((time(delays[half - 1]) + time(delays[half])) / 2.0, time(delays[delays.len() - 1]))
+    (
+        (time(delays[half - 1]) + time(delays[half])) / 2.0,
+        time(delays[delays.len() - 1]),
+    )
 }
 
 #[test]
@@ -86,7 +89,10 @@ fn thresholds(tables: &str) -> (Vec<f64>, Vec<bool>) {
 /// Instant from which on the threshold stays within 10 % of its end.
 fn settling(thresholds: &[f64]) -> f64 {
     let end = thresholds[thresholds.len() - 1];
-    let last = thresholds.iter().rposition(|value| (value - end).abs() > 0.1 * end).unwrap();
+    let last = thresholds
+        .iter()
+        .rposition(|value| (value - end).abs() > 0.1 * end)
+        .unwrap();
     (last + 1) as f64 * TS
 }
 
@@ -94,7 +100,10 @@ fn settling(thresholds: &[f64]) -> f64 {
 fn an_initial_error_alarms_without_its_term_and_not_with_it() {
     let given = |bound: &str| {
         let tables = windowed(MATCHED);
-        tables.replace("initial_error_bound = [0, 0]", &format!("initial_error_bound = {bound}"))
+        tables.replace(
+            "initial_error_bound = [0, 0]",
+            &format!("initial_error_bound = {bound}"),
+        )
     };
     let (_, alarms) = thresholds(&given("[0, 0]"));
     assert!(alarms[0]);
@@ -140,7 +149,7 @@ fn lost_samples_widen_the_bounds_and_wear_off() {
                 before = bound;
             } else if k > 999 {
                 worst = worst.max(bound / before);
-                back = if bound > 1.01 * before { k - 999 } else { back };
+                back = if bound > 1.01 * before { k - 1000 } else { back };
             }
         }
         assert!((worst - factor).abs() < 0.006, "{lost}: {worst}");
@@ -150,7 +159,10 @@ fn lost_samples_widen_the_bounds_and_wear_off() {
 
 #[test]
 fn a_gap_beyond_its_limit_starts_the_filter_again() {
-    let first_output = windowed(RICCATI).replace("initial = \"given\"\ninitial_error_bound = [0, 0]\n", "max_gap = 20\n");
+    let first_output = windowed(RICCATI).replace(
+        "initial = \"given\"\ninitial_error_bound = [0, 0]\n",
+        "max_gap = 20\n",
+    );
     let mut filter = filter(&first_output);
     let mut plant = PaperPlant::new("none");
     for k in 0..500 {
@@ -158,7 +170,11 @@ fn a_gap_beyond_its_limit_starts_the_filter_again() {
         let lost = (100..130).contains(&k) || (300..320).contains(&k);
         let record = step(&mut filter, if lost { &[] } else { &y }, &[1.0]);
         assert_eq!(record.flags & flags::RESET != 0, k == 130, "{k}");
-        let expected = if lost { Verdict::NotEvaluated } else { Verdict::Nominal };
+        let expected = if lost {
+            Verdict::NotEvaluated
+        } else {
+            Verdict::Nominal
+        };
         assert_eq!(record.verdict(), expected, "{k}");
     }
 }
@@ -166,7 +182,10 @@ fn a_gap_beyond_its_limit_starts_the_filter_again() {
 #[test]
 fn a_missing_command_costs_the_guarantee_until_the_filter_has_started_again() {
     let from_output = windowed(RICCATI).replace("initial = \"given\"\ninitial_error_bound = [0, 0]\n", "");
-    for (tables, after) in [(from_output, Verdict::Nominal), (windowed(RICCATI), Verdict::GuaranteeLost)] {
+    for (tables, after) in [
+        (from_output, Verdict::Nominal),
+        (windowed(RICCATI), Verdict::GuaranteeLost),
+    ] {
         let mut filter = filter(&tables);
         let mut plant = PaperPlant::new("none");
         for k in 0..200 {
@@ -201,13 +220,21 @@ fn jitter_beyond_its_limit_costs_the_guarantee() {
             packets: Packets::default(),
         };
         filter.step(&input, &mut record);
-        let expected = if k == 3 { Verdict::GuaranteeLost } else { Verdict::Nominal };
+        let expected = if k == 3 {
+            Verdict::GuaranteeLost
+        } else {
+            Verdict::Nominal
+        };
         assert_eq!(record.verdict(), expected);
     }
 }
 
 fn with_estimate(fault_slew: bool) -> HinfFilter {
-    let slew = if fault_slew { "fault_slew = [0.05, 0.05]\n" } else { "" };
+    let slew = if fault_slew {
+        "fault_slew = [0.05, 0.05]\n"
+    } else {
+        ""
+    };
     filter(&format!(
         "{}[isolation]\nblind_sets = [[\"f1\"], [\"f2\"]]\nfault_bound = [0.3, 0.3]\n{slew}fault_estimate = true\n",
         windowed(RICCATI)
@@ -225,13 +252,19 @@ fn fault_estimates_contain_the_fault_in_every_case() {
             let record = step(&mut filter, &plant.next(), &[1.0]);
             for (j, largest) in largest.iter_mut().enumerate() {
                 let estimate = channel(&filter, &record, &format!("fault_estimate_f{}", j + 1));
-                assert!(estimate.lower <= truth[j] && truth[j] <= estimate.upper, "{case} {k}: {estimate:?}");
+                assert!(
+                    estimate.lower <= truth[j] && truth[j] <= estimate.upper,
+                    "{case} {k}: {estimate:?}"
+                );
                 assert_eq!(estimate.ratio, 0.0);
                 *largest = largest.max((estimate.residual - truth[j]).abs());
             }
             if record.verdict() == Verdict::Isolated && record.certainly_faulty.is_power_of_two() {
                 let fault = truth[record.certainly_faulty.trailing_zeros() as usize];
-                assert!((record.fault_estimate - fault).abs() <= record.fault_estimate_half_width, "{case} {k}");
+                assert!(
+                    (record.fault_estimate - fault).abs() <= record.fault_estimate_half_width,
+                    "{case} {k}"
+                );
             }
         }
     }
@@ -254,10 +287,16 @@ fn the_bank_isolates_the_right_faults_and_nothing_else() {
         for k in 0..1900 {
             let record = step(&mut filter, &plant.next(), &[1.0]);
             if record.verdict() == Verdict::Isolated {
-                assert!(k >= 1500 && record.certainly_faulty & !faults == 0, "{case} {k}: {record:?}");
+                assert!(
+                    k >= 1500 && record.certainly_faulty & !faults == 0,
+                    "{case} {k}: {record:?}"
+                );
                 isolated |= record.certainly_faulty;
             }
-            assert_eq!(record.verdict() == Verdict::Nominal, record.flags & flags::ALARM_NOW == 0);
+            assert_eq!(
+                record.verdict() == Verdict::Nominal,
+                record.flags & flags::ALARM_NOW == 0
+            );
         }
         assert_eq!(isolated, faults, "{case}");
     }
@@ -280,7 +319,12 @@ fn noisy(seed: u64, case: &str) -> Option<usize> {
 }
 
 fn median_under_noise(runs: u64) {
-    for (case, expected) in [("none", None), ("1", Some(1534)), ("1b", Some(1649)), ("2", Some(1500))] {
+    for (case, expected) in [
+        ("none", None),
+        ("1", Some(1534)),
+        ("1b", Some(1649)),
+        ("2", Some(1500)),
+    ] {
         let mut alarms: Vec<_> = (0..runs).map(|seed| noisy(seed, case)).collect();
         alarms.sort_unstable();
         match expected {

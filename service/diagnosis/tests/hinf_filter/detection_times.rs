@@ -21,9 +21,15 @@ impl ExactEnergy {
     fn new(h: &DMatrix<f64>) -> Self {
         let plant = paper_plant();
         let mut generator = DMatrix::zeros(7, 7);
-        generator.view_mut((0, 0), (2, 2)).copy_from(&(&plant.a - h * &plant.c));
-        generator.view_mut((0, 2), (2, 1)).copy_from(&(&plant.bd - h * &plant.dd));
-        generator.view_mut((0, 4), (2, 2)).copy_from(&(&plant.bf - h * &plant.df));
+        generator
+            .view_mut((0, 0), (2, 2))
+            .copy_from(&(&plant.a - h * &plant.c));
+        generator
+            .view_mut((0, 2), (2, 1))
+            .copy_from(&(&plant.bd - h * &plant.dd));
+        generator
+            .view_mut((0, 4), (2, 2))
+            .copy_from(&(&plant.bf - h * &plant.df));
         generator[(2, 3)] = 1.0;
         generator[(3, 2)] = -1.0;
         generator[(4, 6)] = 1.0;
@@ -60,7 +66,11 @@ impl ExactEnergy {
             };
             self.z[4] = f1 * scales.0;
             self.z[6] = rate * scales.0;
-            self.z[5] = if (15_000..20_000).contains(&k) { 0.2 * scales.1 } else { 0.0 };
+            self.z[5] = if (15_000..20_000).contains(&k) {
+                0.2 * scales.1
+            } else {
+                0.0
+            };
             let added = self.z.dot(&(&self.energy * &self.z));
             if sum + added > limit {
                 return t + STEP * (limit - sum) / added;
@@ -78,10 +88,18 @@ fn detection_times_of_every_gain_agree_with_the_reference() {
     let threshold = file["threshold_paper"].as_f64().unwrap();
     for (name, gain) in file["gains"].as_object().unwrap() {
         let h = matrix(&gain["H"]);
-        for (case, scales) in [("1", (1.0, 0.0)), ("1b", (0.1, 0.0)), ("2", (0.0, 1.0)), ("3", (1.0, 1.0))] {
+        for (case, scales) in [
+            ("1", (1.0, 0.0)),
+            ("1b", (0.1, 0.0)),
+            ("2", (0.0, 1.0)),
+            ("3", (1.0, 1.0)),
+        ] {
             let time = ExactEnergy::new(&h).detection_time(scales, threshold);
             let expected = gain["detection_time_s_exact_integral"][case].as_f64().unwrap();
-            assert!((time - expected).abs() < 2e-4, "{name} {case}: {time} instead of {expected}");
+            assert!(
+                (time - expected).abs() < 2e-4,
+                "{name} {case}: {time} instead of {expected}"
+            );
         }
     }
 }
@@ -90,13 +108,19 @@ fn detection_times_of_every_gain_agree_with_the_reference() {
 fn the_papers_delays_are_those_of_the_uncertified_gains() {
     let file = reference_of("hinf_filter", "paper_facts.json");
     let delay = |name: &str, case: &str| {
-        file["gains"][name]["detection_time_s_exact_integral"][case].as_f64().unwrap() - 15.0
+        file["gains"][name]["detection_time_s_exact_integral"][case]
+            .as_f64()
+            .unwrap()
+            - 15.0
     };
     for name in ["literal_R_inv_Z_printed", "literal_R_inv_Z_lemma1"] {
         assert!((delay(name, "1") - 0.39).abs() < 0.005);
         assert!((delay(name, "1b") - 1.87).abs() < 0.035);
         let trf = file["gains"][name]["hinf_Trf"].as_f64().unwrap();
-        assert!(trf < 1.002, "the claimed ‖T_rf‖ of 3.2037 does not belong to them");
+        assert!(
+            trf < 1.002,
+            "the claimed ‖T_rf‖ of 3.2037 does not belong to them"
+        );
     }
     // The gain with the same bound on the disturbance that only cancels it in the state is faster.
     assert!(delay("half_identity", "1") < 0.342 && delay("half_identity", "1b") < 1.498);

@@ -2,7 +2,7 @@
 
 use crate::paper::{PaperPlant, step};
 use residual_diagnosis::{
-    diagnoser::{Diagnoser, Verdict},
+    diagnoser::Verdict,
     hinf_filter::{HinfFilter, options::HinfFilterOptions},
     method::MethodOptions,
 };
@@ -25,7 +25,10 @@ fn example() -> (HinfFilterOptions, f64) {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../deploy/config/two_state.toml");
     let text = std::fs::read_to_string(path).unwrap();
     let file: toml::Table = text.parse().unwrap();
-    let mut diagnoser = file["diagnoser"].as_array().unwrap()[0].as_table().unwrap().clone();
+    let mut diagnoser = file["diagnoser"].as_array().unwrap()[0]
+        .as_table()
+        .unwrap()
+        .clone();
     assert_eq!(diagnoser["method"].as_str(), Some(HinfFilterOptions::METHOD));
     let sample_time_s = diagnoser["sample_time_s"].as_float().unwrap();
     for key in COMMON {
@@ -40,14 +43,23 @@ fn the_example_isolates_the_papers_faults_and_is_silent_without() {
     options.validate(sample_time_s).unwrap();
     let designed = options.design(sample_time_s).unwrap();
     assert!(designed.warnings.is_empty(), "{:?}", designed.warnings);
-    assert!(designed.notes.iter().any(|(name, text)| *name == "guarantee" && text.starts_with("no alarm")));
+    assert!(
+        designed
+            .notes
+            .iter()
+            .any(|(name, text)| *name == "guarantee" && text.starts_with("no alarm"))
+    );
     for (case, faults) in [("none", 0), ("1", 0b01), ("2", 0b10)] {
         let mut filter = HinfFilter::new(&options, sample_time_s).unwrap();
         let mut plant = PaperPlant::new(case);
         let mut isolated = 0;
         for k in 0..1700 {
             let record = step(&mut filter, &plant.next(), &[1.0]);
-            assert!(k >= 1500 || record.verdict() == Verdict::Nominal, "{case} {k}: {:?}", record.channels());
+            assert!(
+                k >= 1500 || record.verdict() == Verdict::Nominal,
+                "{case} {k}: {:?}",
+                record.channels()
+            );
             if record.verdict() == Verdict::Isolated {
                 isolated |= record.certainly_faulty;
             }

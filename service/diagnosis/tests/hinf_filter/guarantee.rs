@@ -36,7 +36,11 @@ impl Random {
         let (n, q, m) = (1 + self.below(4), 1 + self.below(3), 1 + self.below(3));
         let a = self.matrix(n, n, 2.0);
         let shift = a.norm() * (0.3 + 0.5 * self.unit().abs()) + 0.2;
-        let worst = a.complex_eigenvalues().iter().map(|pole| pole.re).fold(f64::MIN, f64::max);
+        let worst = a
+            .complex_eigenvalues()
+            .iter()
+            .map(|pole| pole.re)
+            .fold(f64::MIN, f64::max);
         Plant {
             a: a - DMatrix::identity(n, n) * (worst + 0.1 * shift),
             b: self.matrix(n, 1, 1.0),
@@ -51,11 +55,17 @@ impl Random {
 }
 
 fn rows(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
-    matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
+    matrix
+        .row_iter()
+        .map(|row| row.iter().copied().collect())
+        .collect()
 }
 
 fn options(plant: &Plant, listed: &[DMatrix<f64>], tables: &str) -> HinfFilterOptions {
-    let listed: Vec<_> = listed.iter().map(|a| format!("{{ A = {:?} }}", rows(a))).collect();
+    let listed: Vec<_> = listed
+        .iter()
+        .map(|a| format!("{{ A = {:?} }}", rows(a)))
+        .collect();
     let text = format!(
         "[model]\nA = {:?}\nB = {:?}\nC = {:?}\nD = {:?}\nBd = {:?}\nDd = {:?}\nBf = {:?}\nDf = {:?}\nlisted_models = \
          [{}]\n{tables}",
@@ -83,7 +93,13 @@ fn disturbance(kind: usize, k: usize, m: usize, random: &mut Random) -> DVector<
 }
 
 /// Drives a filter with a fault-free plant and returns the largest |r̃|/ρ and J/Jth.
-fn largest_ratio(plant: &Plant, filter: &mut HinfFilter, prior: f64, steps: usize, random: &mut Random) -> f64 {
+fn largest_ratio(
+    plant: &Plant,
+    filter: &mut HinfFilter,
+    prior: f64,
+    steps: usize,
+    random: &mut Random,
+) -> f64 {
     let sampled = plant.sample(TS);
     let (n, m) = (plant.a.nrows(), plant.bd.ncols());
     let mut x = DVector::from_fn(n, |_, _| prior * random.unit().signum());
@@ -97,7 +113,12 @@ fn largest_ratio(plant: &Plant, filter: &mut HinfFilter, prior: f64, steps: usiz
             y[random.below(plant.c.nrows())] = f64::NAN;
         }
         let record = step(filter, y.as_slice(), u.as_slice());
-        assert_ne!(record.verdict(), Verdict::Fault, "instant {k}: {:?}", record.channels());
+        assert_ne!(
+            record.verdict(),
+            Verdict::Fault,
+            "instant {k}: {:?}",
+            record.channels()
+        );
         assert_eq!(record.flags & flags::ALARM_NOW, 0);
         let ratios = record.channels().iter().filter(|channel| channel.is_evaluated());
         worst = ratios.fold(worst, |worst, channel| worst.max(channel.ratio));
@@ -162,7 +183,7 @@ fn no_listed_model_alarms() {
 
 #[test]
 fn the_worst_disturbance_reaches_the_bound_of_every_residual() {
-    const STEPS: usize = 600;
+    const STEPS: usize = 6000;
     for seed in 0..10 {
         let mut random = Random::new(2000 + seed);
         let plant = random.plant();

@@ -57,7 +57,12 @@ fn norms_agree_with_the_reference_in_both_time_domains() {
         ] {
             assert!(norm.confirmed, "case {i} {what}");
             let error = (norm.value - number(what)).abs();
-            assert!(error <= 1e-8 * number(what), "case {i} {what}: {} instead of {}", norm.value, number(what));
+            assert!(
+                error <= 1e-8 * number(what),
+                "case {i} {what}: {} instead of {}",
+                norm.value,
+                number(what)
+            );
         }
         let sum = l1_norm(&discrete(case)).unwrap();
         assert_matrix("l1_dt", &sum, &case["l1_dt"], 1e-8);
@@ -82,7 +87,12 @@ fn window_constants_agree_with_the_reference() {
         let constants = WindowConstants::new(&system.a, &system.b, &system.c, window).unwrap();
         assert_matrix("Wo_N", &constants.observability, &case["Wo_N"], 1e-8);
         assert_matrix("Wc_N", &constants.reachability, &case["Wc_N"], 1e-8);
-        assert_close("kappa", &constants.kappa[..3], &numbers(&case["kappa_first3"]), 1e-8);
+        assert_close(
+            "kappa",
+            &constants.kappa[..3],
+            &numbers(&case["kappa_first3"]),
+            1e-8,
+        );
         assert_close("mu", &[constants.memory], &numbers(&case["mu"]), 1e-8);
     }
 }

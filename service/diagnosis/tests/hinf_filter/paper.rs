@@ -137,6 +137,9 @@ fn the_generator_gives_the_samples_of_the_reference() {
     let mut plant = PaperPlant::new("1");
     for (k, expected) in rows(&file["y_full_case_1"]["y"]).iter().enumerate() {
         let y = plant.next();
-        assert!((0..2).all(|i| (y[i] - expected[i]).abs() < 1e-12), "{k}: {y:?} {expected:?}");
+        assert!(
+            (0..2).all(|i| (y[i] - expected[i]).abs() < 1e-12),
+            "{k}: {y:?} {expected:?}"
+        );
     }
 }

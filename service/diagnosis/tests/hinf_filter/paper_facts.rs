@@ -44,7 +44,10 @@ fn t_rf(plant: &Plant, h: &DMatrix<f64>) -> System {
 
 #[track_caller]
 fn assert_near(what: &str, actual: f64, expected: f64, tolerance: f64) {
-    assert!((actual - expected).abs() <= tolerance, "{what}: {actual} instead of {expected}");
+    assert!(
+        (actual - expected).abs() <= tolerance,
+        "{what}: {actual} instead of {expected}"
+    );
 }
 
 #[test]
@@ -56,10 +59,16 @@ fn poles_and_norms_of_every_gain_of_the_reference() {
         let check = |key: &str, actual: f64| assert_near(&format!("{name} {key}"), actual, number(key), 1e-9);
         let mut poles = eigenvalues(&(&plant.a - &h * &plant.c)).unwrap();
         poles.sort_by(|x, y| x.re.total_cmp(&y.re).then(x.im.total_cmp(&y.im)));
-        let mut expected: Vec<_> = numbers(&gain["poles_re_im"]).chunks(2).map(|z| (z[0], z[1])).collect();
+        let mut expected: Vec<_> = numbers(&gain["poles_re_im"])
+            .chunks(2)
+            .map(|z| (z[0], z[1]))
+            .collect();
         expected.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.total_cmp(&y.1)));
         for (pole, (re, im)) in poles.iter().zip(expected) {
-            assert!((pole.re - re).abs() < 1e-9 && (pole.im - im).abs() < 1e-9, "{name}: {pole}");
+            assert!(
+                (pole.re - re).abs() < 1e-9 && (pole.im - im).abs() < 1e-9,
+                "{name}: {pole}"
+            );
         }
         check("hinf_Trd", h_infinity_continuous(&t_rd(&plant, &h)).value);
         check("hinf_Trf", h_infinity_continuous(&t_rf(&plant, &h)).value);
@@ -70,7 +79,10 @@ fn poles_and_norms_of_every_gain_of_the_reference() {
         }
         check("norm2_H", SingularDecomposition::new(&h).largest());
         let a = &plant.a - &h * &plant.c;
-        check("initial_error_gain_L2", initial_error_gain_continuous(&a, &plant.c).unwrap());
+        check(
+            "initial_error_gain_L2",
+            initial_error_gain_continuous(&a, &plant.c).unwrap(),
+        );
         let from_state = System {
             a,
             b: DMatrix::identity(2, 2),
@@ -88,7 +100,12 @@ fn half_the_identity_cancels_the_disturbance_in_the_state() {
     assert_eq!(&plant.bd - &h * &plant.dd, DMatrix::zeros(2, 1));
     let direct = SingularDecomposition::new(&plant.dd).largest();
     assert_near("σ_max(Dd)", direct, 0.0282842712474619, 1e-15);
-    assert_near("‖T_rd‖", h_infinity_continuous(&t_rd(&plant, &h)).value, direct, 1e-10);
+    assert_near(
+        "‖T_rd‖",
+        h_infinity_continuous(&t_rd(&plant, &h)).value,
+        direct,
+        1e-10,
+    );
 }
 
 #[test]
@@ -97,7 +114,12 @@ fn fault_cancelling_makes_the_fault_pass_unchanged() {
     let h = &plant.bf * plant.df.clone().try_inverse().unwrap();
     assert!((&plant.bf - &h * &plant.df).amax() < 1e-15);
     let direct = SingularDecomposition::new(&plant.dd).largest();
-    assert_near("‖T_rd‖", h_infinity_continuous(&t_rd(&plant, &h)).value, direct, 1e-9);
+    assert_near(
+        "‖T_rd‖",
+        h_infinity_continuous(&t_rd(&plant, &h)).value,
+        direct,
+        1e-9,
+    );
 }
 
 #[test]
@@ -110,10 +132,20 @@ fn the_largest_fault_gain_is_not_determined_by_the_disturbance_gain() {
     let b_max = number("b_max");
     assert_near("b_max", b_max, 4.388639, 1e-6);
     for b in [-3.0, 0.0, number("b_for_hinf_Trf_3p2037"), 4.3, b_max - 1e-4] {
-        assert_near("‖T_rd‖", h_infinity_continuous(&t_rd(&plant, &h(b))).value, direct, 1e-9);
+        assert_near(
+            "‖T_rd‖",
+            h_infinity_continuous(&t_rd(&plant, &h(b))).value,
+            direct,
+            1e-9,
+        );
     }
     let fault_gain = |b: f64| h_infinity_continuous(&t_rf(&plant, &h(b))).value;
-    assert_near("‖T_rf‖", fault_gain(number("b_for_hinf_Trf_3p2037")), 3.2037, 1e-6);
+    assert_near(
+        "‖T_rf‖",
+        fault_gain(number("b_for_hinf_Trf_3p2037")),
+        3.2037,
+        1e-6,
+    );
     assert_near("‖T_rf‖", fault_gain(4.3), number("hinf_Trf_at_b_4p3"), 1e-6);
     assert!(fault_gain(b_max - 1e-6).is_finite());
     assert_eq!(fault_gain(b_max + 1e-6), f64::INFINITY, "unstable beyond b_max");
@@ -129,8 +161,18 @@ fn a_row_without_disturbance_sees_both_faults() {
     let fault = closed(&plant, &h, &v, &plant.bf, &plant.df);
     for j in 0..2 {
         let (low, high) = (format!("f{}_min", j + 1), format!("f{}_max", j + 1));
-        assert_near(&low, h_minus_continuous(&fault.input(j), None).value, fact(&low), 1e-6);
-        assert_near(&high, h_infinity_continuous(&fault.input(j)).value, fact(&high), 1e-6);
+        assert_near(
+            &low,
+            h_minus_continuous(&fault.input(j), None).value,
+            fact(&low),
+            1e-6,
+        );
+        assert_near(
+            &high,
+            h_infinity_continuous(&fault.input(j)).value,
+            fact(&high),
+            1e-6,
+        );
     }
 }
 
@@ -164,7 +206,12 @@ fn the_continuous_riccati_design_reaches_the_best_ratio() {
         assert_near("‖V T_rf‖₋", fault, number("hminus_V_Trf"), 1e-6);
         assert_near("ratio", fault / disturbance, number("ratio"), 1e-6);
         let (fault, disturbance) = ratio(&DMatrix::identity(2, 2));
-        assert_near("ratio with V = I", fault / disturbance, number("ratio_V_identity"), 1e-6);
+        assert_near(
+            "ratio with V = I",
+            fault / disturbance,
+            number("ratio_V_identity"),
+            1e-6,
+        );
     }
 }
 
@@ -173,7 +220,10 @@ fn the_continuous_riccati_design_reaches_the_best_ratio() {
 fn the_energy_of_the_disturbance_passes_the_papers_bound_after_50_s() {
     let file = file();
     let root = |t: f64| 0.01 * ((t - (2.0 * t).sin() / 2.0) / 2.0).sqrt();
-    for (time, expected) in [25.0, 30.0, 50.0].into_iter().zip(numbers(&file["horizon"]["norm_d_25_30_50"])) {
+    for (time, expected) in [25.0, 30.0, 50.0]
+        .into_iter()
+        .zip(numbers(&file["horizon"]["norm_d_25_30_50"]))
+    {
         assert_near("‖d‖", root(time), expected, 1e-12);
     }
     let crossing = file["horizon"]["time_when_norm_d_reaches_0p05"].as_f64().unwrap();

@@ -37,7 +37,11 @@ fn run(case: &str, expected: &Value, name: &str, synthesis: &str, realisation: &
     let energy = numbers(&expected[&format!("J_cumulative_{name}")]);
     assert_close(&format!("{case} J_{name}"), &energies, &energy, 1e-8);
     let expected = expected[&format!("alarm_s_{name}")].as_f64();
-    assert_eq!(alarm, expected.map(|time| (time / TS).round() as usize), "{case} {name}");
+    assert_eq!(
+        alarm,
+        expected.map(|time| (time / TS).round() as usize),
+        "{case} {name}"
+    );
 }
 
 #[test]
@@ -48,7 +52,13 @@ fn cumulative_runs_of_all_three_realisations_agree_with_the_reference() {
         run(case, expected, "zoh", half, "filter_zoh");
         run(case, expected, "foh", half, "filter_foh");
         let matched = "type = \"matched\"";
-        run(case, expected, "discrete_observer_matched", matched, "discrete_observer");
+        run(
+            case,
+            expected,
+            "discrete_observer_matched",
+            matched,
+            "discrete_observer",
+        );
     }
 }
 
@@ -56,7 +66,9 @@ fn cumulative_runs_of_all_three_realisations_agree_with_the_reference() {
 fn the_papers_evaluation_alarms_without_a_fault_after_67_s() {
     // The energy of d grows for ever: J = ‖T_rd d‖ passes the threshold in fault-free operation.
     let file = reference_of("hinf_filter", "paper_facts.json");
-    let expected = file["horizon"]["false_alarm_time_cumulative_half_identity"].as_f64().unwrap();
+    let expected = file["horizon"]["false_alarm_time_cumulative_half_identity"]
+        .as_f64()
+        .unwrap();
     let tables = format!(
         "[disturbance]\n[synthesis]\ntype = \"matched\"\n[filter]\ninitial = \"given\"\n[evaluation]\nwindow = inf\n\
          threshold = \"constant\"\nconstant_threshold = {}\n",

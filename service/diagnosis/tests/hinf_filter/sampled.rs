@@ -12,7 +12,9 @@ use residual_diagnosis::{
         realisation::{filter_foh, filter_zoh},
         synthesis::{Weighted, matched_gain, synth_riccati_dt},
     },
-    norms::{System, WindowConstants, h_infinity_discrete, h_minus_discrete, initial_error_gain_discrete, l1_norm},
+    norms::{
+        System, WindowConstants, h_infinity_discrete, h_minus_discrete, initial_error_gain_discrete, l1_norm,
+    },
     spectrum::spectral_radius,
 };
 use serde_json::Value;
@@ -25,7 +27,10 @@ fn file() -> Value {
 fn assert_number(what: &str, actual: f64, expected: &Value, tolerance: f64) {
     let expected = expected.as_f64().unwrap();
     let error = (actual - expected).abs();
-    assert!(error <= tolerance * expected.abs().max(1e-6), "{what}: {actual} instead of {expected}");
+    assert!(
+        error <= tolerance * expected.abs().max(1e-6),
+        "{what}: {actual} instead of {expected}"
+    );
 }
 
 #[test]
@@ -47,7 +52,12 @@ fn sampled_matrices_agree_with_the_reference() {
         assert_matrix(key, actual, &expected[key], 1e-12);
     }
     let expected = &file["filter_foh_H_half_identity"];
-    for (key, actual) in [("Phi", &foh.phi), ("Gu", &foh.gu), ("G0", &foh.g0), ("G1", &foh.g1)] {
+    for (key, actual) in [
+        ("Phi", &foh.phi),
+        ("Gu", &foh.gu),
+        ("G0", &foh.g0),
+        ("G1", &foh.g1),
+    ] {
         assert_matrix(key, actual, &expected[key], 1e-12);
     }
 }
@@ -92,7 +102,12 @@ fn designs_and_their_constants_agree_with_the_reference() {
         };
         assert_matrix(name, &found, &expected["L"], 1e-8);
         let closed = &sampled.ad - &l * &plant.c;
-        assert_number("radius", spectral_radius(&closed).unwrap(), &expected["spectral_radius"], 1e-9);
+        assert_number(
+            "radius",
+            spectral_radius(&closed).unwrap(),
+            &expected["spectral_radius"],
+            1e-9,
+        );
         let filter = ErrorFilter {
             closed: &closed,
             gain: &l,
@@ -102,16 +117,31 @@ fn designs_and_their_constants_agree_with_the_reference() {
         let slew = within_period(&plant.a, &plant.bd, &DVector::from_element(1, 0.01), TS);
         let model = ErrorModel::nominal(filter, &sampled.bdd, &plant.dd, slew);
         let system = model.disturbance_system();
-        assert_number("‖V T_rd‖", h_infinity_discrete(&system).value, &expected["hinf_V_Trd"], 1e-8);
+        assert_number(
+            "‖V T_rd‖",
+            h_infinity_discrete(&system).value,
+            &expected["hinf_V_Trd"],
+            1e-8,
+        );
         let plain = System::new(&closed, &(&sampled.bdd - &l * &plant.dd), &plant.c, &plant.dd);
-        assert_number("‖T_rd‖", h_infinity_discrete(&plain).value, &expected["hinf_Trd"], 1e-8);
+        assert_number(
+            "‖T_rd‖",
+            h_infinity_discrete(&plain).value,
+            &expected["hinf_Trd"],
+            1e-8,
+        );
         let fault = System::new(
             &closed,
             &(&sampled.bfd - &l * &plant.df),
             &(&v * &plant.c),
             &(&v * &plant.df),
         );
-        assert_number("‖V T_rf‖₋", h_minus_discrete(&fault, None).value, &expected["hminus_V_Trf"], 1e-8);
+        assert_number(
+            "‖V T_rf‖₋",
+            h_minus_discrete(&fault, None).value,
+            &expected["hminus_V_Trf"],
+            1e-8,
+        );
         assert_matrix("l1", &l1_norm(&system).unwrap(), &expected["l1_V_Trd"], 1e-8);
         let gain = initial_error_gain_discrete(&closed, &(&v * &plant.c), TS).unwrap();
         assert_number("initial", gain, &expected["initial_error_gain"], 1e-8);
@@ -124,16 +154,34 @@ fn designs_and_their_constants_agree_with_the_reference() {
             let kappa = numbers(&expected["kappa_first5"]);
             // The matched design has κ = 0 up to rounding.
             for (actual, expected) in memory.kappa.iter().zip(&kappa) {
-                assert!((actual - expected).abs() <= 1e-8 * kappa[0].max(1e-8), "{name}: {actual} {expected}");
+                assert!(
+                    (actual - expected).abs() <= 1e-8 * kappa[0].max(1e-8),
+                    "{name}: {actual} {expected}"
+                );
             }
             let amplitude = DVector::from_element(1, 0.01);
             let constants =
                 ThresholdConstants::new(&model, Driven::Amplitude(&amplitude), Some(samples), 2, TS).unwrap();
             assert!((constants.memory - expected["mu"].as_f64().unwrap()).abs() < 1e-11);
             assert_close("J_d", &[constants.energy], &numbers(&expected["J_d"]), 1e-8);
-            assert_close("J_slew", &[constants.slew_energy], &numbers(&expected["J_slew"]), 1e-8);
-            assert_close("rho_d", constants.amplitude.as_slice(), &numbers(&expected["rho_d"]), 1e-8);
-            assert_close("rho_slew", constants.slew.as_slice(), &numbers(&expected["rho_slew"]), 1e-8);
+            assert_close(
+                "J_slew",
+                &[constants.slew_energy],
+                &numbers(&expected["J_slew"]),
+                1e-8,
+            );
+            assert_close(
+                "rho_d",
+                constants.amplitude.as_slice(),
+                &numbers(&expected["rho_d"]),
+                1e-8,
+            );
+            assert_close(
+                "rho_slew",
+                constants.slew.as_slice(),
+                &numbers(&expected["rho_slew"]),
+                1e-8,
+            );
         }
     }
 }
@@ -158,7 +206,12 @@ fn the_discrete_riccati_design_agrees_with_the_reference() {
     assert_matrix("Omega", &design.solution.omega, &expected["Omega"], 1e-8);
     assert_matrix("L", &design.gain, &expected["L"], 1e-8);
     assert_matrix("V", &design.v, &expected["V"], 1e-8);
-    assert_number("optimum", design.optimum, &expected["gamma_lower_bound_weighted"], 1e-9);
+    assert_number(
+        "optimum",
+        design.optimum,
+        &expected["gamma_lower_bound_weighted"],
+        1e-9,
+    );
     // Ratios of method sheet 6, item 2.
     for (size, with_v, without) in [(0.01, 11.6018, 8.8413), (0.002, 12.7722, 9.3556)] {
         let weighted = noise(size);
@@ -172,7 +225,11 @@ fn the_discrete_riccati_design_agrees_with_the_reference() {
         for (v, ratio) in [(&design.v, with_v), (&DMatrix::identity(2, 2), without)] {
             let fault = h_minus_discrete(&system(v, &sampled.bfd, &plant.df), None).value;
             let disturbance = h_infinity_discrete(&system(v, &weighted.b, &weighted.d)).value;
-            assert!((fault / disturbance - ratio).abs() < 5.1e-5, "{} {ratio}", fault / disturbance);
+            assert!(
+                (fault / disturbance - ratio).abs() < 5.1e-5,
+                "{} {ratio}",
+                fault / disturbance
+            );
         }
         let co_inner = h_infinity_discrete(&system(&design.v, &weighted.b, &weighted.d)).value;
         assert!((co_inner - 1.0).abs() < 1e-8);
@@ -217,7 +274,12 @@ fn assert_rows(what: &str, actual: &[Vec<f64>], expected: &Value) {
     assert_eq!(actual.len(), expected.len(), "{what}");
     for column in 0..expected[0].len() {
         let of = |rows: &[Vec<f64>]| rows.iter().map(|row| row[column]).collect::<Vec<_>>();
-        assert_close(&format!("{what}, column {column}"), &of(actual), &of(&expected), 1e-8);
+        assert_close(
+            &format!("{what}, column {column}"),
+            &of(actual),
+            &of(&expected),
+            1e-8,
+        );
     }
 }
 
@@ -225,7 +287,10 @@ fn windowed_runs(design: &str, synthesis: &str) {
     let file = file();
     for (case, expected) in file["windowed_runs"]["runs"][design].as_object().unwrap() {
         let mut filter = HinfFilter::new(&paper_options(&windowed(synthesis)), TS).unwrap();
-        let wanted: Vec<usize> = rows(&expected["rows"]).iter().map(|row| row[0] as usize).collect();
+        let wanted: Vec<usize> = rows(&expected["rows"])
+            .iter()
+            .map(|row| row[0] as usize)
+            .collect();
         let mut found = Vec::new();
         let first = first_alarms(&mut filter, "", case, |k, r, rho, j, threshold| {
             if wanted.contains(&k) {
@@ -246,7 +311,11 @@ fn windowed_runs_of_the_matched_design_agree_with_the_reference() {
 fn windowed_runs_of_the_riccati_design_agree_with_the_reference() {
     windowed_runs("riccati", RICCATI);
     let design = &file()["designs"]["riccati"];
-    let given = format!("type = \"given\"\n{}{}", given("L", &design["L"]), given("V", &design["V"]));
+    let given = format!(
+        "type = \"given\"\n{}{}",
+        given("L", &design["L"]),
+        given("V", &design["V"])
+    );
     windowed_runs("riccati", &given);
 }
 
@@ -271,7 +340,12 @@ fn the_isolation_bank_names_the_fault_in_every_case() {
         }
     }
     let filter = HinfFilter::new(&paper_options(&tables), TS).unwrap();
-    for (leak, name) in filter.report().blind_leaks.iter().zip(["blind_to_f1", "blind_to_f2"]) {
+    for (leak, name) in filter
+        .report()
+        .blind_leaks
+        .iter()
+        .zip(["blind_to_f1", "blind_to_f2"])
+    {
         assert_number("leak", *leak, &bank["filters"][name]["hinf_blind"], 1e-8);
     }
 }
@@ -321,7 +395,8 @@ impl OffPlant {
             fault[3],
         ]);
         let f = DVector::from_column_slice(&fault[..2]);
-        let y = &self.plant.c * &self.x + &self.plant.d + &self.plant.dd * (0.01 * t.sin()) + &self.plant.df * f;
+        let y =
+            &self.plant.c * &self.x + &self.plant.d + &self.plant.dd * (0.01 * t.sin()) + &self.plant.df * f;
         self.x = (&self.exponential * z).rows(0, 2).into_owned();
         self.faults.next();
         y.as_slice().to_vec()
@@ -336,7 +411,9 @@ fn the_model_bank_keeps_its_guarantee_where_the_single_model_alarms() {
     let listed: Vec<String> = [1.01, 0.99]
         .iter()
         .map(|factor| {
-            let a: Vec<Vec<f64>> = (0..2).map(|i| (0..2).map(|j| factor * plant.a[(i, j)]).collect()).collect();
+            let a: Vec<Vec<f64>> = (0..2)
+                .map(|i| (0..2).map(|j| factor * plant.a[(i, j)]).collect())
+                .collect();
             format!("{{ A = {a:?} }}")
         })
         .collect();
@@ -359,13 +436,24 @@ fn the_model_bank_keeps_its_guarantee_where_the_single_model_alarms() {
                 let y = truth.next(k);
                 let record = step(&mut filter, &y, &[1.0]);
                 let channels = ["energy", "r1", "r2"].map(|name| channel(&filter, &record, name));
-                let alarms = [channels[0].ratio > 1.0, channels[1].ratio.max(channels[2].ratio) > 1.0];
+                let alarms = [
+                    channels[0].ratio > 1.0,
+                    channels[1].ratio.max(channels[2].ratio) > 1.0,
+                ];
                 for (first, alarm) in first.iter_mut().zip(alarms) {
                     *first = first.or(alarm.then_some(k));
                 }
                 if listed_rows.iter().any(|row| row[0] as usize == k) {
                     let [j, r1, r2] = channels;
-                    found.push(vec![k as f64, j.residual, j.upper, r1.residual, r2.residual, r1.upper, r2.upper]);
+                    found.push(vec![
+                        k as f64,
+                        j.residual,
+                        j.upper,
+                        r1.residual,
+                        r2.residual,
+                        r1.upper,
+                        r2.upper,
+                    ]);
                 }
                 if first_single.is_none() {
                     // The reference compares with the bound of a full window, J_d + J_s, from the start on.
@@ -373,7 +461,10 @@ fn the_model_bank_keeps_its_guarantee_where_the_single_model_alarms() {
                     let constants = single.report().constants.as_ref().unwrap();
                     let energy = channel(&single, &record, "energy");
                     let alarm = energy.residual > constants.energy + constants.slew_energy;
-                    assert!(!alarm || energy.ratio > 1.0, "the present threshold is never above it");
+                    assert!(
+                        !alarm || energy.ratio > 1.0,
+                        "the present threshold is never above it"
+                    );
                     first_single = alarm.then_some(k);
                 }
             }

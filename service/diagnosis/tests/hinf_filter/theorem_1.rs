@@ -64,7 +64,10 @@ fn the_counterexample_satisfies_13_and_14_and_its_filter_violates_the_claim() {
     assert!((eigenvalues.max() - number("lmi13_max_eigenvalue")).abs() < 1e-9);
     assert!(eigenvalues.max() < -5.7e-5, "(13) holds strictly");
     let (r, x) = (variable("R"), variable("X"));
-    assert!(r.clone().cholesky().is_some() && (&x - &r).cholesky().is_some(), "(14) holds");
+    assert!(
+        r.clone().cholesky().is_some() && (&x - &r).cholesky().is_some(),
+        "(14) holds"
+    );
 
     let plant = paper_plant();
     let inverse = (&r - &x).try_inverse().unwrap();
@@ -97,7 +100,10 @@ fn the_counterexample_satisfies_13_and_14_and_its_filter_violates_the_claim() {
     joint.c.view_mut((0, 0), (2, 2)).copy_from(&-&plant.c);
     joint.c.view_mut((0, 2), (2, 2)).copy_from(&reference.c);
     joint.d.view_mut((0, 0), (2, 1)).copy_from(&-&plant.dd);
-    joint.d.view_mut((0, 1), (2, 2)).copy_from(&(&reference.d - &plant.df));
+    joint
+        .d
+        .view_mut((0, 1), (2, 2))
+        .copy_from(&(&reference.d - &plant.df));
     let objective = h_infinity_continuous(&joint).value;
     assert!((objective - number("true_J")).abs() < 2e-6, "{objective}");
     let claim = number("gamma").sqrt();

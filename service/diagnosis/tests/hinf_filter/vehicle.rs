@@ -47,12 +47,21 @@ fn check_run(name: &str) {
     let file = file();
     let vehicle = &file[name];
     let (design, expected) = (&vehicle["design"], &vehicle["expected"]);
-    let given = format!("type = \"given\"\n{}{}", given("L", &design["L"]), given("V", &design["V"]));
+    let given = format!(
+        "type = \"given\"\n{}{}",
+        given("L", &design["L"]),
+        given("V", &design["V"])
+    );
     let ts = vehicle["Ts"].as_f64().unwrap();
     let mut filter = HinfFilter::new(&options(vehicle, &given, "", false), ts).unwrap();
     let terms = &vehicle["threshold_terms"];
     let constants = filter.report().constants.clone().unwrap();
-    assert_close("rho_d", constants.amplitude.as_slice(), &numbers(&terms["rho_d"]), 1e-8);
+    assert_close(
+        "rho_d",
+        constants.amplitude.as_slice(),
+        &numbers(&terms["rho_d"]),
+        1e-8,
+    );
     assert_close("gamma", &[constants.gamma], &numbers(&terms["gamma"]), 1e-8);
     assert_close("mu", &[constants.memory], &numbers(&terms["mu"]), 1e-8);
     assert_close("J_d", &[constants.energy], &numbers(&terms["J_d"]), 1e-8);
@@ -67,13 +76,28 @@ fn check_run(name: &str) {
             let (r, rho, x) = (filter.residual(), filter.bound(), filter.state_estimate());
             let flag = |alarm: bool| f64::from(u8::from(alarm));
             found.push(vec![
-                k as f64, j.residual, j.upper, r[0], r[1], rho[0], rho[1], flag(alarm[0]), flag(alarm[1]), x[0], x[1],
+                k as f64,
+                j.residual,
+                j.upper,
+                r[0],
+                r[1],
+                rho[0],
+                rho[1],
+                flag(alarm[0]),
+                flag(alarm[1]),
+                x[0],
+                x[1],
             ]);
         }
     });
     for column in 0..wanted[0].len() {
         let of = |rows: &[Vec<f64>]| rows.iter().map(|row| row[column]).collect::<Vec<_>>();
-        assert_close(&format!("{name}, column {column}"), &of(&found), &of(&wanted), 1e-8);
+        assert_close(
+            &format!("{name}, column {column}"),
+            &of(&found),
+            &of(&wanted),
+            1e-8,
+        );
     }
     assert_eq!(energy, integers(&expected["energy_alarm_k"]));
     assert_eq!(peak, integers(&expected["peak_alarm_k"]));
@@ -114,9 +138,17 @@ fn designs_of_both_cars_agree_with_the_reference() {
             (certificate.fault_index, "hminus_V_Trf"),
         ] {
             let expected = design[key].as_f64().unwrap();
-            assert!((actual - expected).abs() <= 1e-8 * expected, "{key}: {actual} {expected}");
+            assert!(
+                (actual - expected).abs() <= 1e-8 * expected,
+                "{key}: {actual} {expected}"
+            );
         }
-        assert_close("per fault", &certificate.fault_indices, &numbers(&design["hminus_V_per_fault"]), 1e-8);
+        assert_close(
+            "per fault",
+            &certificate.fault_indices,
+            &numbers(&design["hminus_V_per_fault"]),
+            1e-8,
+        );
     }
 }
 
@@ -161,7 +193,12 @@ fn a_record_of_the_car_holds_all_channels_of_bank_and_estimate() {
     let isolation = "[isolation]\nfault_names = [\"steering\", \"yaw_rate_sensor\"]\nblind_sets = [[\"steering\"]]\n\
                      fault_bound = [0.03, 0.06]\nfault_estimate = true\n";
     let filter = HinfFilter::new(&options(vehicle, UNWEIGHTED, isolation, true), 0.02).unwrap();
-    let names: Vec<_> = filter.description().channels.iter().map(|c| c.name.as_str()).collect();
+    let names: Vec<_> = filter
+        .description()
+        .channels
+        .iter()
+        .map(|c| c.name.as_str())
+        .collect();
     assert_eq!(
         names,
         [
