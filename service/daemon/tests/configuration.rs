@@ -4,8 +4,17 @@
 mod common;
 
 use common::{VTOL, line_of, mistakes_of, repository, vtol_with};
+use residual_diagnosis::unknown_input_filter::tables::UnknownInputFilterTables;
 use residuald::configuration::{Configuration, ConfigurationError, MethodConfiguration, SignalReference};
 use std::path::Path;
+
+/// The tables of a bank of unknown-input filters.
+fn bank(method: &MethodConfiguration) -> &UnknownInputFilterTables {
+    match method {
+        MethodConfiguration::UnknownInputFilter(tables) => tables,
+        other => panic!("{} is another method", other.name()),
+    }
+}
 
 #[test]
 fn every_example_configuration_loads() {
@@ -44,7 +53,7 @@ fn the_example_is_read_as_it_is_written() {
         SignalReference { input: 0, element: 3 }
     );
     assert_eq!(diagnoser.commands[1], SignalReference { input: 1, element: 1 });
-    let MethodConfiguration::UnknownInputFilter(tables) = &diagnoser.method;
+    let tables = bank(&diagnoser.method);
     assert_eq!(tables.model.b[1], [0.0198, -0.0759]);
     assert_eq!(tables.parity.lengths, [1, 3, 10, 30]);
     assert_eq!(
@@ -56,7 +65,7 @@ fn the_example_is_read_as_it_is_written() {
 #[test]
 fn names_and_units_of_the_signals_serve_where_the_model_states_none() {
     let configuration = Configuration::from_text("vtol.toml", VTOL).unwrap().configuration;
-    let MethodConfiguration::UnknownInputFilter(tables) = &configuration.diagnosers[0].method;
+    let tables = bank(&configuration.diagnosers[0].method);
     assert_eq!(
         tables.model.actuator_names.as_deref().unwrap(),
         ["collective_pitch", "longitudinal_cyclic_pitch"]
@@ -72,7 +81,7 @@ fn names_and_units_of_the_signals_serve_where_the_model_states_none() {
     let configuration = Configuration::from_text("vtol.toml", &named)
         .unwrap()
         .configuration;
-    let MethodConfiguration::UnknownInputFilter(tables) = &configuration.diagnosers[0].method;
+    let tables = bank(&configuration.diagnosers[0].method);
     assert_eq!(tables.model.actuator_names.as_deref().unwrap()[0], "lift");
 }
 

@@ -33,7 +33,9 @@ fn headers(example: &str) -> Vec<&str> {
 fn chapters(header: &str, documents: [&str; 2]) -> String {
     let headings = [format!("\n## `{header}`"), format!("\n`{header}`:")];
     let of_document = |document: &&str| {
-        let found = headings.iter().find_map(|heading| document.split_once(heading.as_str()))?;
+        let found = headings
+            .iter()
+            .find_map(|heading| document.split_once(heading.as_str()))?;
         Some(found.1.split("\n## ").next().unwrap().to_owned())
     };
     let found: Vec<_> = documents.iter().filter_map(of_document).collect();
