@@ -154,7 +154,7 @@ impl Glr {
         let k = self.steps;
         let newest = self.newest_slot(design);
         for slot in 0..self.onsets.len() {
-            let opens = slot == newest && (k - 1) % design.stride.max(1) == 0;
+            let opens = slot == newest && (k - 1).is_multiple_of(design.stride);
             let drops = self.onsets[slot] > 0 && k - self.onsets[slot] >= design.window_steps;
             if opens || drops {
                 self.onsets[slot] = if opens { k } else { 0 };

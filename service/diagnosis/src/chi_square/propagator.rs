@@ -106,7 +106,7 @@ impl PropagatorPair {
     /// Restarts after the steps L, 2L, ...: at first the second one, from then on the one in use. To be called before the
     /// next step, so that the one in use speaks until then.
     pub fn restart_when_due(&mut self, reset_steps: u64) {
-        if self.steps % reset_steps != 0 || self.steps == 0 {
+        if !self.steps.is_multiple_of(reset_steps) || self.steps == 0 {
             return;
         }
         let [first, second] = &mut self.propagators;

@@ -3,7 +3,7 @@
 use statrs::distribution::{ChiSquared, Continuous, ContinuousCDF};
 
 /// Steps of the iteration; it needs about ten.
-const ITERATIONS: usize = 100;
+const ITERATIONS: usize = 200;
 
 /// isf(P, d): the value that a chi-square variable of `degrees` degrees of freedom exceeds with `probability`.
 ///
@@ -16,16 +16,27 @@ pub fn chi_square_upper_quantile(probability: f64, degrees: usize) -> f64 {
     let Some(distribution) = ChiSquared::new(degrees as f64).ok().filter(|_| probability < 1.0) else {
         return 0.0;
     };
-    // P(X >= d + 2 sqrt(d L) + 2 L) <= exp(-L): right of the quantile. ln P(X > x) is concave, so that Newton's
-    // iteration from there falls towards the quantile without passing it.
+    // P(X >= d + 2 sqrt(d L) + 2 L) <= exp(-L): the quantile lies between 0 and there. Newton's iteration on
+    // ln P(X > x), which is nearly straight, halves the interval where it would leave it.
     let exponent = -probability.ln();
     let d = degrees as f64;
-    let mut x = d + 2.0 * (d * exponent).sqrt() + 2.0 * exponent;
+    let (mut low, mut high) = (0.0, d + 2.0 * (d * exponent).sqrt() + 2.0 * exponent);
+    let mut x = high;
     for _ in 0..ITERATIONS {
         let tail = distribution.sf(x);
-        let step = (tail / probability).ln() * tail / distribution.pdf(x);
-        let next = x + step;
-        if !(next > 0.0) || !(step.abs() > 1e-15 * x) {
+        let excess = (tail / probability).ln();
+        if excess > 0.0 {
+            low = x;
+        } else {
+            high = x;
+        }
+        let newton = x + excess * tail / distribution.pdf(x);
+        let next = if newton > low && newton < high {
+            newton
+        } else {
+            (low + high) / 2.0
+        };
+        if !((next - x).abs() > 1e-15 * x) {
             break;
         }
         x = next;

@@ -372,8 +372,8 @@ fn a_value_that_is_not_finite_is_a_missing_one() {
         let mut diagnoser = diagnoser(&options);
         let z = |k: usize| {
             [
-                if k % 3 == 0 { bad } else { 0.1 * k as f64 },
-                if k % 7 == 0 { bad } else { 1.0 },
+                if k.is_multiple_of(3) { bad } else { 0.1 * k as f64 },
+                if k.is_multiple_of(7) { bad } else { 1.0 },
             ]
         };
         (0..60)

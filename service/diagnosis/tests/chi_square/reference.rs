@@ -237,7 +237,7 @@ impl VectorRun {
                 near("innovation variance", variance, expected[row].as_f64().unwrap());
             }
         }
-        if i % 5 == 0 {
+        if i.is_multiple_of(5) {
             let (difference, _) = outcome.window_difference(9).unwrap();
             for (found, expected) in difference
                 .iter()
@@ -251,7 +251,7 @@ impl VectorRun {
                 expected["glr_best_size"][i / 5].as_f64().unwrap_or(0.0),
             );
         }
-        if i % 10 == 0 {
+        if i.is_multiple_of(10) {
             let covariance = square(diagnoser.covariance_factor());
             for (j, expected) in numbers(&expected["filter_covariance_diagonal"][i / 10])
                 .into_iter()

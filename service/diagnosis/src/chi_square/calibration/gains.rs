@@ -137,6 +137,12 @@ impl RunGains {
         &self.instants[index]
     }
 
+    /// Whether the gains become steady within the run.
+    #[cfg(test)]
+    pub fn repeats(&self) -> bool {
+        self.period > 0
+    }
+
     /// Degrees of freedom of a chi-square statistic in the last instant, the smallest of a bank.
     pub fn final_degrees(&self, kind: StatisticKind) -> Option<usize> {
         let last = self.instants.last()?;

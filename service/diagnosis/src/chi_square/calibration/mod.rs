@@ -176,3 +176,6 @@ fn slope(kind: StatisticKind, options: &ChiSquareOptions, gains: &RunGains) -> f
         None => of_statistic,
     }
 }
+
+#[cfg(test)]
+mod tests;

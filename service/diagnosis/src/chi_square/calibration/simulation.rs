@@ -122,7 +122,7 @@ impl<'a> Batch<'a> {
             return;
         };
         let past = k - 1;
-        if past > 0 && past % reset_steps == 0 {
+        if past > 0 && past.is_multiple_of(reset_steps) {
             let restarted = usize::from(past == reset_steps || self.second_in_use);
             self.pair[restarted].fill([0.0; LANES]);
             if past > reset_steps {
@@ -177,7 +177,7 @@ impl<'a> Batch<'a> {
         };
         let (slots, modes, stride) = (design.slots(), design.modes.len(), design.stride as usize);
         let newest = (k - 1) / stride % slots;
-        if (k - 1) % stride == 0 {
+        if (k - 1).is_multiple_of(stride) {
             self.score[newest * modes..(newest + 1) * modes].fill([0.0; LANES]);
         }
         for rank in 0..slots.min((k - 1) / stride + 1) {
