@@ -66,6 +66,9 @@ struct Unit {
     diagnoser: Box<dyn Diagnoser>,
     timing: Timing,
     assembler: Assembler,
+    /// Whether a sample of any input has come: only then the diagnoser's own time begins, wherever its model
+    /// starts from. So a replay and a daemon that waited for its sensors say the same.
+    begun: bool,
     next_step: u64,
     record: StepRecord,
     counters: ScheduleCounters,
@@ -188,6 +191,7 @@ impl Unit {
             },
             diagnoser: unit.diagnoser,
             timing: unit.timing,
+            begun: false,
             next_step: 0,
             record: StepRecord::new(channel_count),
             counters: ScheduleCounters::default(),
@@ -200,7 +204,9 @@ impl Unit {
         let surplus = (behind_ns / self.timing.period_ns).saturating_sub(limit);
         for _ in 0..surplus {
             self.assembler.skip();
-            self.diagnoser.skip(&mut self.record);
+            if self.begun {
+                self.diagnoser.skip(&mut self.record);
+            }
         }
         self.next_step += surplus;
         self.counters.skipped += surplus;
@@ -227,7 +233,10 @@ impl Unit {
         .iter()
         .filter_map(|&(set, flag)| set.then_some(flag))
         .fold(0, |flags, flag| flags | flag);
-        self.diagnoser.step(&self.assembler.step_input(), record);
+        self.begun |= gathered.inputs_valid != 0;
+        if self.begun {
+            self.diagnoser.step(&self.assembler.step_input(), record);
+        }
 
         self.next_step += 1;
         self.counters.steps += 1;
