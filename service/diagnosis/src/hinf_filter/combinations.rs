@@ -40,15 +40,14 @@ impl Problem {
             return conflict("evaluation.peak_test", reason);
         }
         if self.window.is_none() && self.noise.is_some() {
-            let reason =
-                "with `evaluation.window` = inf, whose noise energy has no bound; give a finite window";
+            let reason = "with `evaluation.window` = \"cumulative\", whose noise energy has no bound; give a finite window";
             return conflict("disturbance.noise_std", reason);
         }
         if self.window.is_none()
             && self.disturbance.window_energy.is_some()
             && self.disturbance.slew.amax() > 0.0
         {
-            let reason = "with a window energy and `evaluation.window` = inf; remove it";
+            let reason = "with a window energy and `evaluation.window` = \"cumulative\"; remove it";
             return conflict("disturbance.slew", reason);
         }
         if held && !self.listed.is_empty() {

@@ -44,6 +44,7 @@ mod report;
 mod rounding;
 pub mod synthesis;
 mod window_energy;
+mod window_length;
 
 pub use bank::{BlindDesign, design_blind, design_estimate};
 pub use diagnoser::HinfFilter;

@@ -1,5 +1,6 @@
 //! What a user can set (method sheet 7).
 
+use super::window_length;
 use serde::{Deserialize, Serialize};
 
 /// The tables of `method = "hinf_filter"`.
@@ -249,7 +250,8 @@ choice! {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct EvaluationOptions {
-    /// Length of the window, s, a multiple of the period; inf: from the start on.
+    /// Length of the window, s, a multiple of the period; `"cumulative"`, infinite: from the start on.
+    #[serde(with = "window_length")]
     pub window: f64,
     /// Whether the present sample counts (default true); false: left rectangle, as in the paper.
     pub include_current: bool,

@@ -110,7 +110,7 @@ conforms! {
     riccati_discrete => riccati("");
     riccati_continuous_with_left_rectangle =>
         riccati("[synthesis]\ntype = \"riccati_ct\"\n[evaluation]\nwindow = 0.5\ninclude_current = false");
-    cumulative => riccati("[evaluation]\nwindow = inf");
+    cumulative => riccati("[evaluation]\nwindow = \"cumulative\"");
     one_residual_of_a_given_gain => riccati("[synthesis]\ntype = \"given\"\nL = [[0.02, 0.01], [0.01, 0.02]]\nV = [[1, -1]]");
     window_energy => case(
         ACTUATOR_AND_SENSOR,

@@ -307,15 +307,15 @@ fn options_that_do_not_fit_together() {
     }
     let noise = replaced("amplitude = [0.01]", "amplitude = [0.01]\nnoise_std = [0.1, 0.1]");
     assert_refused(
-        &format!("{noise}[evaluation]\nwindow = inf\n"),
+        &format!("{noise}[evaluation]\nwindow = \"cumulative\"\n"),
         "disturbance.noise_std",
-        &["inf"],
+        &["cumulative"],
     );
     let energy = replaced("amplitude = [0.01]", "window_energy = 0.1\nslew = [0.1]");
     assert_refused(
-        &format!("{energy}[evaluation]\nwindow = inf\n"),
+        &format!("{energy}[evaluation]\nwindow = \"cumulative\"\n"),
         "disturbance.slew",
-        &["inf"],
+        &["cumulative"],
     );
     let energy = replaced("amplitude = [0.01]", "window_energy = 0.1");
     assert_refused(

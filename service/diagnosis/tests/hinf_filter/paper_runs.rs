@@ -13,7 +13,7 @@ fn run(case: &str, expected: &Value, name: &str, synthesis: &str, realisation: &
     let threshold = file["threshold"].as_f64().unwrap();
     let tables = format!(
         "[disturbance]\n[synthesis]\n{synthesis}\n[filter]\nrealisation = \"{realisation}\"\ninitial = \"given\"\n\
-         [evaluation]\nwindow = inf\ninclude_current = false\nthreshold = \"constant\"\nconstant_threshold = \
+         [evaluation]\nwindow = \"cumulative\"\ninclude_current = false\nthreshold = \"constant\"\nconstant_threshold = \
          {threshold}\n"
     );
     let mut filter = HinfFilter::new(&paper_options(&tables), TS).unwrap();
@@ -70,7 +70,7 @@ fn the_papers_evaluation_alarms_without_a_fault_after_67_s() {
         .as_f64()
         .unwrap();
     let tables = format!(
-        "[disturbance]\n[synthesis]\ntype = \"matched\"\n[filter]\ninitial = \"given\"\n[evaluation]\nwindow = inf\n\
+        "[disturbance]\n[synthesis]\ntype = \"matched\"\n[filter]\ninitial = \"given\"\n[evaluation]\nwindow = \"cumulative\"\n\
          threshold = \"constant\"\nconstant_threshold = {}\n",
         file["threshold_paper"]
     );
