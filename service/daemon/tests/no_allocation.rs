@@ -11,10 +11,15 @@ use residual_shared::clock::{DaemonTime, sleep_until_monotonic};
 use residual_shared::record::{StepRecord, flags};
 use residual_shared::sample::SampleHeader;
 use residual_shared::transport;
+use residuald::assembly::assemble;
 use residuald::commands::run::step_loop;
 use residuald::configuration::Configuration;
+use residuald::demo::composition::compose;
+use residuald::demo::plants::Merged;
 use residuald::demo::plants::aircraft::{Aircraft, Disturbance};
+use residuald::demo::scenario::{self, Variation};
 use residuald::runtime::companion::Message;
+use residuald::runtime::engine::RecordSink;
 use support::publisher::Drivers;
 use support::{PERIOD_NS, Stage};
 
@@ -67,6 +72,9 @@ const WARM_UP: u64 = 20;
 const COURSE: u64 = 240;
 /// So that the test takes seconds, the daemon's time runs faster.
 const SPEED: f64 = 8.0;
+
+/// The simulated epoch.
+const EPOCH_NS: u64 = 1_000_000_000_000;
 
 /// What the records of the whole test said.
 #[derive(Debug, Default)]
@@ -194,6 +202,77 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_and_resets_alloca
     ] {
         assert!(value >= 30, "{name}: {sensors:?}");
     }
+}
+
+/// Counts alarms by slot.
+struct Alarms(Vec<u64>);
+
+impl RecordSink for Alarms {
+    fn publish(&mut self, slot: usize, record: &StepRecord) -> bool {
+        self.0[slot] += u64::from(record.flags & flags::ALARM_NOW != 0);
+        true
+    }
+}
+
+#[test]
+fn all_methods_together_step_through_losses_bad_samples_and_faults_without_allocating() {
+    let scenarios = scenario::of_all_methods();
+    let configurations: Vec<_> = scenarios.iter().map(|scenario| scenario.configuration).collect();
+    let text = compose(&configurations, &"all".parse().unwrap()).unwrap();
+    let loaded = Configuration::from_text("all", &text).unwrap();
+    let configuration = &loaded.configuration;
+    let variation = Variation {
+        seed: 1,
+        disturbance: Disturbance::Sine,
+    };
+    let plants = scenarios
+        .iter()
+        .flat_map(|scenario| (scenario.plants)(&variation));
+    let emissions: Vec<_> = Merged::new(plants.collect()).collect();
+    let mut engine = assemble(configuration, loaded.build_diagnosers().unwrap(), EPOCH_NS, 1.0);
+    let mut alarms = Alarms(vec![0; configuration.diagnosers.len()]);
+    let mut sequences = vec![0; configuration.inputs.len()];
+    let mut counted = 0;
+    for (number, emission) in emissions.iter().enumerate() {
+        let now_ns = EPOCH_NS + emission.time_ns;
+        let input = configuration
+            .inputs
+            .iter()
+            .position(|input| input.name == emission.input)
+            .unwrap();
+        let header = SampleHeader {
+            sequence: sequences[input],
+            // Some samples claim to be older than they are.
+            timestamp_ns: if number % 43 == 42 {
+                now_ns - 3_000_000_000
+            } else {
+                now_ns
+            },
+        };
+        sequences[input] += 1;
+        let mut elements = emission.elements.clone();
+        if let Some(first) = elements.as_mut().and_then(|elements| elements.first_mut())
+            && number % 37 == 36
+        {
+            *first = f64::NAN;
+        }
+        counted += allocations(|| {
+            while let Some(due_ns) = engine.next_due_ns().filter(|&due_ns| due_ns < now_ns) {
+                engine.step_due(due_ns, || 0, &mut alarms);
+            }
+            if let Some(elements) = &elements {
+                engine.accept(input, 1, header, elements, now_ns);
+            }
+        });
+    }
+    println!("{} samples, alarms {:?}", emissions.len(), alarms.0);
+    assert_eq!(counted, 0);
+    assert!(alarms.0.iter().all(|alarms| *alarms > 5), "{:?}", alarms.0);
+    let rejected: u64 = engine
+        .input_counters()
+        .map(|counters| counters.non_finite + counters.backward)
+        .sum();
+    assert!(rejected > 100, "{rejected}");
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Small factorisations with preallocated room: Cholesky and Householder QR with column pivoting.
 
+use crate::buffer::Buffer;
 use crate::matrix::{Matrix, dot};
 
 /// Factors the symmetric positive definite `matrix` = M M' in place (lower triangle; the upper one is left).
@@ -42,7 +43,7 @@ pub struct PivotedQr {
     /// Q, square and orthogonal.
     pub q: Matrix,
     /// Π: column k of A Π is column `pivot[k]` of A.
-    pub pivot: Vec<usize>,
+    pub pivot: Buffer<usize>,
     reflector: Vec<f64>,
 }
 
@@ -52,7 +53,7 @@ impl PivotedQr {
         Self {
             r: Matrix::zeros(rows, columns),
             q: Matrix::zeros(rows, rows),
-            pivot: Vec::with_capacity(columns),
+            pivot: Buffer::with_capacity(columns),
             reflector: vec![0.0; rows],
         }
     }

@@ -7,6 +7,7 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 pub mod async_imm;
+mod buffer;
 pub mod chi_square;
 pub mod covariance;
 pub mod decomposition;

@@ -1,5 +1,6 @@
 //! Zonotopes p + H z, |z| <= 1, and the reduction of their order (method sheet 4.3, Theorem 3 of the paper).
 
+use crate::buffer::Buffer;
 use serde::{Deserialize, Serialize};
 
 use crate::matrix::{Matrix, row_sums};
@@ -23,7 +24,7 @@ pub struct Reducer {
     scores: Vec<f64>,
     largest: Vec<f64>,
     /// Score and index of every column as one number each: ascending is score descending, index ascending.
-    keys: Vec<u128>,
+    keys: Buffer<u128>,
     is_kept: Vec<bool>,
     kept: Vec<usize>,
     boxed: Vec<usize>,
@@ -37,7 +38,7 @@ impl Reducer {
             reduction,
             scores: vec![0.0; columns],
             largest: vec![0.0; columns],
-            keys: Vec::with_capacity(columns),
+            keys: Buffer::with_capacity(columns),
             is_kept: vec![false; columns],
             kept: vec![0; columns],
             boxed: vec![0; columns],

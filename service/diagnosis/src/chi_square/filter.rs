@@ -1,6 +1,7 @@
 //! The Kalman filter in square-root innovation form (method sheet 4, steps 1 to 5).
 
 use super::step_model::StepModel;
+use crate::buffer::Buffer;
 use crate::{
     factor::cholesky,
     matrix::{Matrix, add_scaled, all_finite, apply, dot, forward_substitution, multiply, triangularise},
@@ -20,13 +21,13 @@ pub(super) struct Filter {
 #[derive(Clone, Debug)]
 pub(super) struct Correction {
     /// The available rows a.
-    pub rows: Vec<usize>,
+    pub rows: Buffer<usize>,
     /// ν, length m_k.
-    pub innovation: Vec<f64>,
+    pub innovation: Buffer<f64>,
     /// Diagonal of S, length m_k.
-    pub variance: Vec<f64>,
+    pub variance: Buffer<f64>,
     /// e, length m_k.
-    pub whitened: Vec<f64>,
+    pub whitened: Buffer<f64>,
     /// L_S, m_k x m_k.
     pub innovation_factor: Matrix,
     /// K̄, n x m_k.
@@ -47,10 +48,10 @@ pub(super) struct FilterWork {
 impl Correction {
     pub fn new(states: usize, measurements: usize) -> Self {
         Self {
-            rows: Vec::with_capacity(measurements),
-            innovation: Vec::with_capacity(measurements),
-            variance: Vec::with_capacity(measurements),
-            whitened: Vec::with_capacity(measurements),
+            rows: Buffer::with_capacity(measurements),
+            innovation: Buffer::with_capacity(measurements),
+            variance: Buffer::with_capacity(measurements),
+            whitened: Buffer::with_capacity(measurements),
             innovation_factor: Matrix::zeros(measurements, measurements),
             gain: Matrix::zeros(states, measurements),
             correction: vec![0.0; states],

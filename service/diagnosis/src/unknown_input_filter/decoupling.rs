@@ -14,6 +14,7 @@ use super::{
     modes::FaultMode,
     plant::{Measured, Plant},
 };
+use crate::buffer::Buffer;
 use crate::{
     factor::PivotedQr,
     matrix::{Matrix, absolute_dot, combination, dot, multiply},
@@ -31,13 +32,13 @@ pub(crate) struct Decoupling {
     pub null_basis: Matrix,
     pub test_rows: Matrix,
     /// Whether a test row is blind, length m.
-    pub blind: Vec<bool>,
+    pub blind: Buffer<bool>,
     /// C_a F1, m x r.
     pub seen: Matrix,
     /// |C_a| |F1|, m x r.
     pub seen_size: Matrix,
     /// F̃ column of each row of `inverse`.
-    pub pivot: Vec<usize>,
+    pub pivot: Buffer<usize>,
     /// Whether every column of F̃ is decoupled.
     pub complete: bool,
 }
@@ -51,10 +52,10 @@ impl Decoupling {
             gain: Matrix::zeros(nx, ny),
             null_basis: Matrix::zeros(ny, ny),
             test_rows: Matrix::zeros(ny, ny),
-            blind: Vec::with_capacity(ny),
+            blind: Buffer::with_capacity(ny),
             seen: Matrix::zeros(ny, ny),
             seen_size: Matrix::zeros(ny, ny),
-            pivot: Vec::with_capacity(nx.max(ny)),
+            pivot: Buffer::with_capacity(nx.max(ny)),
             complete: true,
         }
     }

@@ -8,6 +8,7 @@
 //! | ε, δ | `epsilon`, [`UNIT_ROUNDOFF`] | |
 
 use super::strip_reset::Strip;
+use crate::buffer::Buffer;
 use crate::{
     matrix::{Matrix, absolute_dot, multiply},
     model::{Bounds, LinearModel},
@@ -117,20 +118,20 @@ impl Plant {
 #[derive(Clone, Debug)]
 pub(crate) struct Measured {
     /// Indices of the received elements, ascending.
-    pub received: Vec<usize>,
+    pub received: Buffer<usize>,
     pub c: Matrix,
-    pub noise: Vec<f64>,
-    pub y: Vec<f64>,
+    pub noise: Buffer<f64>,
+    pub y: Buffer<f64>,
 }
 
 impl Measured {
     pub fn new(plant: &Plant) -> Self {
         let ny = plant.ny();
         let mut out = Self {
-            received: Vec::with_capacity(ny),
+            received: Buffer::with_capacity(ny),
             c: plant.c.clone(),
-            noise: Vec::with_capacity(ny),
-            y: Vec::with_capacity(ny),
+            noise: Buffer::with_capacity(ny),
+            y: Buffer::with_capacity(ny),
         };
         out.clear();
         out

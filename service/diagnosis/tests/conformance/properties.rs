@@ -269,25 +269,32 @@ fn check_record(record: &StepRecord, silent: bool) {
     assert!(Verdict::from_number(record.verdict).is_some());
 }
 
-/// No step, skip or reset allocates.
+/// No step, skip or reset allocates: of a new diagnoser, of its copy, of one that took over a state.
 pub fn no_step_allocates(case: &Case) {
     let samples = samples(case, 7);
-    let mut diagnoser = case.diagnoser();
-    let mut record = record(diagnoser.as_ref());
-    for (place, sample) in samples.iter().enumerate() {
-        let k = place + 1;
-        let headers = sample.headers(case.instant_ns(k), case.period_ns);
-        let input = case.input(k, sample, &headers);
-        let taken = allocations(|| {
-            diagnoser.step(&input, &mut record);
-            if k % 71 == 70 {
-                diagnoser.skip(&mut record);
-            }
-            if k % 301 == 300 {
-                diagnoser.reset();
-            }
-        });
-        assert_eq!(taken, 0, "step {k}");
+    let new = case.diagnoser();
+    let copy = new.boxed_clone();
+    let mut restored = case.diagnoser();
+    let mut saver = case.diagnoser();
+    run(case, &mut saver, &samples[..60], 1, |_, _| {});
+    restored.restore(&saved(saver.as_ref())).unwrap();
+    for (what, mut diagnoser) in [("new", new), ("copy", copy), ("restored", restored)] {
+        let mut record = record(diagnoser.as_ref());
+        for (place, sample) in samples.iter().enumerate() {
+            let k = place + 1;
+            let headers = sample.headers(case.instant_ns(k), case.period_ns);
+            let input = case.input(k, sample, &headers);
+            let taken = allocations(|| {
+                diagnoser.step(&input, &mut record);
+                if k % 71 == 70 {
+                    diagnoser.skip(&mut record);
+                }
+                if k % 301 == 300 {
+                    diagnoser.reset();
+                }
+            });
+            assert_eq!(taken, 0, "{what}, step {k}");
+        }
     }
 }
 
