@@ -6,7 +6,7 @@ use std::ops::{Deref, DerefMut};
 ///
 /// A plain [`Vec`] keeps its elements when cloned, but not its room.
 #[derive(Debug, Default, PartialEq)]
-pub(crate) struct Buffer<T>(Vec<T>);
+pub struct Buffer<T>(Vec<T>);
 
 impl<T> Buffer<T> {
     /// An empty list with this room.

@@ -5,6 +5,7 @@
 mod allocation;
 mod support;
 
+use allocation::allocations;
 use residual_diagnosis::{
     diagnoser::{Diagnoser, StepInput, StepRecord, Verdict, flags},
     model::ModelOptions,
@@ -21,47 +22,44 @@ fn exercise(bank: &mut UnknownInputFilterBank, model: &ModelOptions) -> (Vec<Ver
     let mut seen_flags = 0;
     let (mut x, mut next) = (vec![0.0; nx], vec![0.0; nx]);
     let (mut y, u) = (vec![0.0; ny], vec![0.1; nu]);
-    let before = ALLOCATIONS.get();
-    for round in 0..2 {
-        for k in 0..400_usize {
-            for (value, row) in y.iter_mut().zip(&model.c) {
-                *value = row.iter().zip(&x).map(|(c, x)| c * x).sum();
-            }
-            record.flags = 0;
-            match k % 50 {
-                20..23 => bank.skip(&mut record),
-                25 => bank.step(&StepInput::new(&y[..1], &u), &mut record),
-                phase => {
-                    if phase % 10 == 7 {
-                        y[phase % ny] = f64::NAN;
-                    }
-                    let commands = if phase == 31 { &[][..] } else { &u };
-                    bank.step(&StepInput::new(&y, commands), &mut record);
+    let taken = allocations(|| {
+        for round in 0..2 {
+            for k in 0..400_usize {
+                for (value, row) in y.iter_mut().zip(&model.c) {
+                    *value = row.iter().zip(&x).map(|(c, x)| c * x).sum();
                 }
+                record.flags = 0;
+                match k % 50 {
+                    20..23 => bank.skip(&mut record),
+                    25 => bank.step(&StepInput::new(&y[..1], &u), &mut record),
+                    phase => {
+                        if phase % 10 == 7 {
+                            y[phase % ny] = f64::NAN;
+                        }
+                        let commands = if phase == 31 { &[][..] } else { &u };
+                        bank.step(&StepInput::new(&y, commands), &mut record);
+                    }
+                }
+                verdicts[record.verdict as usize] = true;
+                seen_flags |= record.flags;
+                for (i, value) in next.iter_mut().enumerate() {
+                    let fault = if (100..130).contains(&k) {
+                        3.0 * model.b[i][0]
+                    } else {
+                        0.0
+                    };
+                    let rest: f64 = (0..nx).map(|l| model.a[i][l] * x[l]).sum();
+                    *value = rest + fault + (0..nu).map(|l| model.b[i][l] * u[l]).sum::<f64>();
+                }
+                x.copy_from_slice(&next);
             }
-            verdicts[record.verdict as usize] = true;
-            seen_flags |= record.flags;
-            for (i, value) in next.iter_mut().enumerate() {
-                let fault = if (100..130).contains(&k) {
-                    3.0 * model.b[i][0]
-                } else {
-                    0.0
-                };
-                let rest: f64 = (0..nx).map(|l| model.a[i][l] * x[l]).sum();
-                *value = rest + fault + (0..nu).map(|l| model.b[i][l] * u[l]).sum::<f64>();
+            if round == 0 {
+                bank.reset();
+                x.fill(0.0);
             }
-            x.copy_from_slice(&next);
         }
-        if round == 0 {
-            bank.reset();
-            x.fill(0.0);
-        }
-    }
-    assert_eq!(
-        ALLOCATIONS.get(),
-        before,
-        "the real-time path touched the allocator"
-    );
+    });
+    assert_eq!(taken, 0, "the real-time path touched the allocator");
     let seen = (0..6)
         .filter(|i| verdicts[*i as usize])
         .map(|i| Verdict::from_number(i).unwrap())
