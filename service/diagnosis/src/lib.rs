@@ -9,6 +9,7 @@
 pub mod async_imm;
 mod buffer;
 pub mod chi_square;
+mod choice;
 pub mod covariance;
 pub mod decomposition;
 pub mod diagnoser;

@@ -2,6 +2,7 @@
 
 pub use super::glr_modes::FaultProfile;
 use super::model_options::{MatricesOptions, ModelOptions};
+use crate::choice::choice;
 use serde::{Deserialize, Serialize};
 
 /// The part of a diagnoser's table that belongs to `method = "chi_square"`.
@@ -25,25 +26,6 @@ pub struct ChiSquareOptions {
     pub alarm: AlarmOptions,
     /// `[diagnoser.numerics]`: tolerances.
     pub numerics: NumericsOptions,
-}
-
-macro_rules! choice {
-    ($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $text:literal),+ $(,)? }) => {
-        $(#[$doc])*
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-        pub enum $name {
-            $($(#[$variant_doc])* #[serde(rename = $text)] $variant,)+
-        }
-
-        impl $name {
-            /// As written in the configuration.
-            pub fn name(self) -> &'static str {
-                match self {
-                    $(Self::$variant => $text,)+
-                }
-            }
-        }
-    };
 }
 
 choice! {

@@ -1,6 +1,7 @@
 //! What a user can set (method sheet 7).
 
 use super::window_length;
+use crate::choice::choice;
 use serde::{Deserialize, Serialize};
 
 /// The tables of `method = "hinf_filter"`.
@@ -97,18 +98,9 @@ pub struct DisturbanceOptions {
     pub noise_std: Vec<f64>,
 }
 
-macro_rules! choice {
-    ($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $text:literal),+ $(,)? }) => {
-        $(#[$doc])*
-        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-        pub enum $name {
-            $($(#[$variant_doc])* #[serde(rename = $text)] $variant,)+
-        }
-    };
-}
-
 choice! {
     /// Where the gain comes from. Designs by matrix inequalities come as `given` gains.
+    #[derive(Default)]
     DesignType {
         /// Discrete Riccati equation: the best ratio of fault to disturbance (method sheet 3.2).
         #[default] RiccatiDiscrete = "riccati_dt",
@@ -178,6 +170,7 @@ impl Default for SynthesisOptions {
 
 choice! {
     /// The sampled form of the filter.
+    #[derive(Default)]
     RealisationType {
         /// Exact: no command in the residual.
         #[default] DiscreteObserver = "discrete_observer",
@@ -190,6 +183,7 @@ choice! {
 
 choice! {
     /// Where the filter begins.
+    #[derive(Default)]
     InitialType {
         /// From the first complete sample; also after a long gap or a missing command.
         #[default] FirstOutput = "first_output",
@@ -238,6 +232,7 @@ impl Default for FilterOptions {
 
 choice! {
     /// What the energy is compared with.
+    #[derive(Default)]
     ThresholdType {
         /// The largest energy without fault, sample by sample.
         #[default] Guaranteed = "guaranteed",

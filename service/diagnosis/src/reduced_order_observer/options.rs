@@ -1,5 +1,6 @@
 //! What a user can set for a reduced-order observer (method sheet 7).
 
+use crate::choice::choice;
 use serde::{Deserialize, Serialize};
 
 /// The part of a diagnoser's table that belongs to `method = "reduced_order_observer"`.
@@ -219,18 +220,9 @@ impl Default for MissingOptions {
     }
 }
 
-macro_rules! choice {
-    ($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $text:literal),+ $(,)? }) => {
-        $(#[$doc])*
-        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-        pub enum $name {
-            $($(#[$variant_doc])* #[serde(rename = $text)] $variant,)+
-        }
-    };
-}
-
 choice! {
     /// Where K comes from.
+    #[derive(Default)]
     Gains {
         /// The best of several closed-form gains.
         #[default] Auto = "auto",
@@ -247,6 +239,7 @@ choice! {
 
 choice! {
     /// What the choice among gains minimises.
+    #[derive(Default)]
     Objective {
         /// The largest constant fault, over the actuators, that may stay unseen.
         #[default] FaultFloor = "fault_floor",
@@ -257,6 +250,7 @@ choice! {
 
 choice! {
     /// Which set bounds the residual.
+    #[derive(Default)]
     Mode {
         /// The joint set of both observers' errors, with noise: guaranteed from the first sample.
         #[default] Joint = "joint",
@@ -269,6 +263,7 @@ choice! {
 
 choice! {
     /// Where the observers start.
+    #[derive(Default)]
     Initialisation {
         /// At the first complete sample, which is known up to the noise.
         #[default] MeasuredOutput = "measured_output",
@@ -279,6 +274,7 @@ choice! {
 
 choice! {
     /// A group of tests.
+    #[derive(Default)]
     Test {
         /// Every output by itself.
         #[default] Hull = "hull",
@@ -305,6 +301,7 @@ impl Default for ObserverM {
 
 choice! {
     /// M by name.
+    #[derive(Default)]
     NamedM {
         /// M = 0, the narrowest without noise.
         #[default] Zero = "zero",

@@ -2,6 +2,7 @@
 
 use super::certificate::ParityCertificate;
 use super::modes::{FaultMode, enumerate_modes};
+use crate::choice::choice;
 pub use crate::zonotope::Reduction;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
@@ -182,18 +183,9 @@ pub struct MissingOptions {
     pub fault_bound: Option<Vec<f64>>,
 }
 
-macro_rules! choice {
-    ($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $text:literal),+ $(,)? }) => {
-        $(#[$doc])*
-        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-        pub enum $name {
-            $($(#[$variant_doc])* #[serde(rename = $text)] $variant,)+
-        }
-    };
-}
-
 choice! {
     /// How faults are isolated.
+    #[derive(Default)]
     Isolation {
         /// A falsified mode stays out until the episode ends.
         #[default] Latched = "latched",
@@ -204,6 +196,7 @@ choice! {
 
 choice! {
     /// How a filter whose set may have lost the state restarts (method sheet 4.6).
+    #[derive(Default)]
     ResetRule {
         /// Strip if available and the packet is complete, else copy.
         #[default] Auto = "auto",
@@ -218,6 +211,7 @@ choice! {
 
 choice! {
     /// The form of the filter.
+    #[derive(Default)]
     Form {
         /// The same noise in prediction and correction: tight test and smaller sets.
         #[default] Coupled = "coupled",
@@ -230,6 +224,7 @@ choice! {
 
 choice! {
     /// Where the first set comes from (method sheet 4.1).
+    #[derive(Default)]
     Initialisation {
         /// Strip if available, else prior.
         #[default] Auto = "auto",
@@ -242,6 +237,7 @@ choice! {
 
 choice! {
     /// How the gain of the coupled form is chosen (method sheet 4.2).
+    #[derive(Default)]
     GainRule {
         /// For each state the narrowest of several candidates.
         #[default] RowWise = "row_wise",
@@ -254,6 +250,7 @@ choice! {
 
 choice! {
     /// The half width that a residual is compared with.
+    #[derive(Default)]
     TestRule {
         /// The exact spread of the residual over the predicted set.
         #[default] Tight = "tight",
@@ -264,6 +261,7 @@ choice! {
 
 choice! {
     /// Which channels a record has (method sheet 4.12).
+    #[derive(Default)]
     Publish {
         /// Every row, every window, every estimate.
         #[default] All = "all",
@@ -274,6 +272,7 @@ choice! {
 
 choice! {
     /// What is assumed of a mode's own fault while measurements are missing (method sheet 4.7).
+    #[derive(Default)]
     MissingPolicy {
         /// |f| <= `fault_bound`.
         #[default] BoundedFault = "bounded_fault",

@@ -37,8 +37,11 @@ impl SetState {
     pub fn fits(&self, other: &Self) -> bool {
         self.centre.len() == other.centre.len()
             && self.radius.len() == other.radius.len()
+            && self.generators.rows() == other.generators.rows()
             && self.generators.has_room_of(&other.generators)
+            && self.unbounded.rows() == other.unbounded.rows()
             && self.unbounded.has_room_of(&other.unbounded)
+            && self.covariance.shape() == other.covariance.shape()
             && self.covariance.has_room_of(&other.covariance)
     }
 
