@@ -1,35 +1,14 @@
 //! From tables to a diagnoser.
 
+use crate::support::example::examples;
 use residual_diagnosis::async_imm::options::AsyncImmTables;
 use residual_diagnosis::method::MethodOptions;
 
-/// Keys of a diagnoser's table that belong to all methods.
-const COMMON: [&str; 9] = [
-    "name",
-    "method",
-    "sample_time_s",
-    "phase_s",
-    "margin_s",
-    "priority",
-    "measurements",
-    "commands",
-    "command_delay_steps",
-];
-
-const EXAMPLE: &str = include_str!("../../../../deploy/config/turning_target.toml");
-
 /// The method's tables of the example.
 pub fn example() -> toml::Table {
-    let whole: toml::Table = EXAMPLE.parse().unwrap();
-    let mut table = whole["diagnoser"].as_array().unwrap()[0]
-        .as_table()
-        .unwrap()
-        .clone();
-    assert_eq!(table["method"].as_str(), Some("async_imm"));
-    for key in COMMON {
-        table.remove(key);
-    }
-    table
+    examples("turning_target.toml", AsyncImmTables::METHOD)
+        .remove(0)
+        .tables
 }
 
 /// The options of a table.

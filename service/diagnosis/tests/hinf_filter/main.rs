@@ -8,13 +8,13 @@ mod support;
 
 mod claims;
 mod detection_times;
-mod example;
 mod guarantee;
 mod kernels;
 mod mistakes;
 mod paper;
 mod paper_facts;
 mod paper_runs;
+mod papers_example;
 mod properties;
 mod sampled;
 mod theorem_1;

@@ -1,6 +1,8 @@
 //! Reference data and small runners shared by the tests of the diagnosis methods.
 #![allow(dead_code)]
 
+pub mod example;
+
 use std::{fs, path::PathBuf};
 
 use residual_diagnosis::{
