@@ -8,7 +8,7 @@ use miette::{Diagnostic, IntoDiagnostic, WrapErr};
 use residual_diagnosis::model::LinearModel;
 use residual_synthesis::identify::{IdentifyOptions, Progress, RunData, identify_bounds};
 
-use super::replay::{Replay, progress_style};
+use super::replay::{Replay, ReplayError, progress_style};
 use crate::configuration::{DiagnoserConfiguration, MethodConfiguration};
 use crate::replay::selection::RunSelection;
 use crate::replay::sequences::sequences;
@@ -81,6 +81,14 @@ pub fn execute(arguments: &IdentifyArguments) -> miette::Result<()> {
     };
     let model = LinearModel::new(&tables.model, diagnoser.sample_time_s()).into_diagnostic()?;
 
+    let known: Vec<&str> = replay.runs().iter().map(|run| run.name.as_str()).collect();
+    if let Some(name) = arguments.runs.unknown(&known) {
+        return Err(ReplayError::UnknownRun {
+            name: name.to_owned(),
+            runs: known.join(", "),
+        }
+        .into());
+    }
     let (mut training, mut validation) = (Vec::new(), Vec::new());
     for (position, run) in replay.runs().iter().enumerate() {
         let seen = sequences(configuration, diagnoser, &replay.samples(run));

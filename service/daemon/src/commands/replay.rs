@@ -81,8 +81,16 @@ pub enum ReplayError {
     #[error(transparent)]
     Loss(#[from] LossError),
     /// No run was selected.
-    #[error("no run is selected; the recording has the runs: {0}")]
+    #[error("no run is selected; the recording has the runs: {0}; choose with --runs")]
     NoRun(String),
+    /// A run is selected that is not there.
+    #[error("the recording has no run `{name}`; its runs are: {runs}")]
+    UnknownRun {
+        /// The name.
+        name: String,
+        /// The runs there are.
+        runs: String,
+    },
     /// A daemon cannot be reset between runs.
     #[error(
         "{0} runs are selected, but a replay through the daemon takes one at a time; choose it with --runs NAME"
@@ -142,6 +150,13 @@ impl Replay {
             .map(|run| run.name.as_str())
             .collect::<Vec<_>>()
             .join(", ");
+        let known: Vec<&str> = recording.runs.iter().map(|run| run.name.as_str()).collect();
+        if let Some(name) = runs.unknown(&known) {
+            return Err(ReplayError::UnknownRun {
+                name: name.to_owned(),
+                runs: names,
+            });
+        }
         recording.runs.retain(|run| runs.takes(run.position, &run.name));
         if recording.runs.is_empty() {
             return Err(ReplayError::NoRun(names));

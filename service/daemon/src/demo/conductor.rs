@@ -23,7 +23,7 @@ pub struct DemoArguments {
     #[arg(long, conflicts_with_all = ["method", "scenario"])]
     pub all: bool,
     /// One scenario only, by name.
-    #[arg(long, value_parser = scenario::SCENARIOS.iter().map(|scenario| scenario.name).collect::<Vec<_>>())]
+    #[arg(long, conflicts_with = "method", value_parser = scenario::SCENARIOS.iter().map(|scenario| scenario.name).collect::<Vec<_>>())]
     pub scenario: Option<String>,
     /// Seed and disturbance.
     #[command(flatten)]

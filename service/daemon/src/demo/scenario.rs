@@ -9,10 +9,10 @@ use super::plants::{Source, scalar, servo, target};
 /// What a viewer may vary.
 #[derive(Clone, Debug, Args)]
 pub struct Variation {
-    /// Seed of the measurement noise and of random disturbances.
+    /// Seed of the measurement noise and of random disturbances (the example of `hinf_filter` has none).
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Disturbance on the aircraft.
+    /// Disturbance on the aircraft (`unknown_input_filter` only).
     #[arg(long, value_enum, default_value = "sine")]
     pub disturbance: Disturbance,
 }

@@ -55,6 +55,19 @@ pub enum FaultError {
         /// What is wrong with it.
         reason: String,
     },
+    /// The fault would begin when a run is over.
+    #[error(
+        "the fault begins {onset_s} s into the run `{run}`, which lasts {duration_s} s; choose an earlier onset, or a \
+         share such as 50%"
+    )]
+    OutsideRun {
+        /// The run.
+        run: String,
+        /// When the fault would begin, s.
+        onset_s: f64,
+        /// How long the run lasts, s.
+        duration_s: f64,
+    },
     /// The recording has no such column.
     #[error("the recording has no column `{column}` to inject a fault into; its columns are: {columns}")]
     NoColumn {
@@ -109,6 +122,16 @@ impl FromStr for Fault {
             }
         }
         let needs_size = matches!(kind, FaultKind::Offset | FaultKind::Scale | FaultKind::Spike);
+        let possible = match onset {
+            Some(Onset::Share(share)) => (0.0..=1.0).contains(&share),
+            Some(Onset::Seconds(seconds)) => seconds >= 0.0 && end_s.is_none_or(|end_s| end_s > seconds),
+            None => true,
+        };
+        if !possible {
+            return Err(syntax(
+                "`onset` lies from 0 on, as a share within 100 %, and before `end`".into(),
+            ));
+        }
         if needs_size && size.is_none() {
             return Err(syntax("`size` is missing".into()));
         }
@@ -142,6 +165,14 @@ impl Fault {
                 columns: recording.columns.join(", "),
             })?;
         for run in &mut recording.runs {
+            let onset_ns = self.onset_ns(run);
+            if run.recorded_ns.last().is_none_or(|&last_ns| last_ns < onset_ns) {
+                return Err(FaultError::OutsideRun {
+                    run: run.name.clone(),
+                    onset_s: onset_ns as f64 * 1e-9,
+                    duration_s: run.duration_ns() as f64 * 1e-9,
+                });
+            }
             self.inject_into(run, column);
         }
         Ok(())
@@ -175,6 +206,10 @@ mod tests {
     use super::*;
 
     fn injected(fault: &str) -> Vec<f64> {
+        inject(fault).unwrap()
+    }
+
+    fn inject(fault: &str) -> Result<Vec<f64>, FaultError> {
         let run = Run {
             recorded_ns: (0..5).map(|row| row * 1_000_000_000).collect(),
             rows: (1..6).map(|value| vec![f64::from(value)]).collect(),
@@ -184,8 +219,8 @@ mod tests {
             columns: vec!["v".into()],
             runs: vec![run],
         };
-        fault.parse::<Fault>().unwrap().inject(&mut recording).unwrap();
-        recording.runs[0].rows.iter().map(|row| row[0]).collect()
+        fault.parse::<Fault>()?.inject(&mut recording)?;
+        Ok(recording.runs[0].rows.iter().map(|row| row[0]).collect())
     }
 
     #[test]
@@ -204,10 +239,6 @@ mod tests {
             [1.0, 2.0, 4.0, 4.0, 5.0]
         );
         assert!(injected("dropout,column=v,onset=3,end=4")[3].is_nan());
-        assert_eq!(
-            injected("offset,column=v,size=1,onset=9"),
-            [1.0, 2.0, 3.0, 4.0, 5.0]
-        );
     }
 
     #[test]
@@ -218,5 +249,13 @@ mod tests {
         assert!(message("offset,size=1,onset=1").contains("`column` is missing"));
         assert!(message("offset,column=v,size=x,onset=1").contains("`size` is not a number"));
         assert!(message("offset,kolumn=v").contains("`kolumn` is none of"));
+        for wrong in ["onset=150%", "onset=-1", "onset=3,end=2"] {
+            assert!(message(&format!("offset,column=v,size=1,{wrong}")).contains("`onset` lies"));
+        }
+        let late = inject("offset,column=v,size=1,onset=9").unwrap_err();
+        assert!(
+            matches!(late, FaultError::OutsideRun { onset_s: 9.0, .. }),
+            "{late}"
+        );
     }
 }

@@ -37,6 +37,14 @@ impl RunSelection {
             Self::Named(names) => names.iter().any(|wanted| wanted == name),
         }
     }
+
+    /// The first name that no run has.
+    pub fn unknown<'a>(&'a self, runs: &[&str]) -> Option<&'a str> {
+        match self {
+            Self::Named(names) => names.iter().map(String::as_str).find(|name| !runs.contains(name)),
+            _ => None,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -49,5 +57,8 @@ mod tests {
         assert!(odd.takes(0, "1") && !odd.takes(1, "2"));
         let named: RunSelection = "3, x".parse().unwrap();
         assert!(named.takes(9, "x") && !named.takes(0, "1"));
+        assert_eq!(named.unknown(&["x", "3"]), None);
+        assert_eq!(named.unknown(&["x", "4"]), Some("3"));
+        assert_eq!(odd.unknown(&[]), None);
     }
 }
