@@ -31,7 +31,7 @@ impl Reception {
             PacketSource::Commands => Some(settings.initial_command.len()).filter(|count| *count > 0),
         };
         if rows != Some(packet.values.len()) || !all_finite(packet.values) {
-            memory.counters.non_finite += 1;
+            memory.counters.non_finite = memory.counters.non_finite.saturating_add(1);
             return;
         }
         let time_ns = i64::try_from(packet.time_ns).unwrap_or(i64::MAX);
@@ -53,11 +53,11 @@ impl Reception {
         };
         let (present, known) = (own().count(), own().any(|kept| kept.sequence == packet.sequence));
         if known {
-            memory.counters.duplicate += 1;
+            memory.counters.duplicate = memory.counters.duplicate.saturating_add(1);
             return;
         }
         if time_ns > self.instant_ns.saturating_add(settings.max_ahead_ns) {
-            memory.counters.ahead += 1;
+            memory.counters.ahead = memory.counters.ahead.saturating_add(1);
             return;
         }
         let intervals = if interval.is_some() {
@@ -76,13 +76,13 @@ impl Reception {
                 PacketSource::Commands => memory.commands.insert(time_ns, packet.sequence, packet.values),
             };
         if !kept {
-            memory.counters.overflow += 1;
+            memory.counters.overflow = memory.counters.overflow.saturating_add(1);
             return;
         }
         if let Some(interval) = interval
             && interval < self.step
         {
-            memory.counters.late_used += 1;
+            memory.counters.late_used = memory.counters.late_used.saturating_add(1);
             memory.rerun_from = memory.rerun_from.min(interval);
         }
     }
@@ -98,13 +98,13 @@ impl Reception {
         {
             memory.rerun_from = memory.rerun_from.min(self.oldest);
         } else {
-            memory.counters.too_old += 1;
+            memory.counters.too_old = memory.counters.too_old.saturating_add(1);
         }
     }
 
     /// The number of the interval that holds `time_ns`; `None` for the future.
     fn interval_of(self, time_ns: i64, memory: &Memory) -> Option<u64> {
-        if time_ns > self.instant_ns {
+        if time_ns > self.instant_ns.max(memory.posterior(self.step - 1).instant_ns) {
             return None;
         }
         let past = (self.oldest..self.step).find(|&number| time_ns <= memory.posterior(number).instant_ns);

@@ -130,7 +130,7 @@ impl Posterior {
                 .all(|(mode, other)| mode.fits(other))
             && self.log_probability.len() == other.log_probability.len()
             && lengths(&self.held) == lengths(&other.held)
-            && self.decision.candidate <= self.modes.len()
+            && self.decision.candidate < self.modes.len()
     }
 }
 

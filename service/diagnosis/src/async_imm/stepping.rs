@@ -78,10 +78,14 @@ impl AsyncImm {
             .decision
             .update(&mut posterior.decision, probability);
         let counters = &mut self.memory.counters;
-        counters.update_rejected += u64::from(report.update_rejected);
-        counters.likelihood_lost += u64::from(report.likelihood_lost);
+        counters.update_rejected = counters
+            .update_rejected
+            .saturating_add(u64::from(report.update_rejected));
+        counters.likelihood_lost = counters
+            .likelihood_lost
+            .saturating_add(u64::from(report.likelihood_lost));
         Instant {
-            evaluated: report.used > 0 && !reinitialised,
+            evaluated: report.used > 0 && !report.likelihood_lost && !reinitialised,
             starting,
             reinitialised,
         }

@@ -204,6 +204,7 @@ impl Diagnoser for ChiSquareDiagnoser {
             &self.state,
             self.plant.models.len(),
             self.description.faults.len(),
+            &self.admissible,
         ) {
             return Err(RestoreError::Damaged);
         }

@@ -21,13 +21,15 @@ pub(super) struct State {
 }
 
 impl State {
-    pub fn fits(&self, other: &Self, models: usize, components: usize) -> bool {
+    pub fn fits(&self, other: &Self, models: usize, components: usize, admissible: &[bool]) -> bool {
         let model = match (&self.model, &other.model) {
             (Some(model), Some(other)) => model.has_shapes_of(other),
             (None, None) => true,
             _ => false,
         };
+        let known = |set: u64| usize::try_from(set).ok().and_then(|set| admissible.get(set)) == Some(&true);
         model
+            && (self.excluded == 0 || known(self.excluded))
             && self.inputs.fits(&other.inputs, models)
             && self.filter.fits(&other.filter)
             && self.detectors.fits(&other.detectors)

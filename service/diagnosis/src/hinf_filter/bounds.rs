@@ -350,6 +350,7 @@ impl BoundsState {
             && self.models.iter().zip(&other.models).all(|(model, other)| {
                 model.s.has_room_of(&other.s)
                     && model.s.shape() == other.s.shape()
+                    && model.s.iter_rows().all(crate::matrix::all_finite)
                     && model.x.len() == other.x.len()
                     && model.all.fits(&other.all)
                     && model.initial.fits(&other.initial)

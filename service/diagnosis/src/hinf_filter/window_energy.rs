@@ -1,5 +1,6 @@
 //! Sums over a sliding window in constant time, exact again after every turn.
 
+use crate::matrix::all_finite;
 use serde::{Deserialize, Serialize};
 
 /// Σ v over the last N values, or over all values.
@@ -47,7 +48,8 @@ impl WindowEnergy {
 
     /// The sum.
     pub fn sum(&self) -> f64 {
-        self.running.max(0.0)
+        // Rounding may leave less than nothing; what is not a number stays visible.
+        if self.running < 0.0 { 0.0 } else { self.running }
     }
 
     /// Forgets all values.
@@ -58,9 +60,12 @@ impl WindowEnergy {
         self.fresh = 0.0;
     }
 
-    /// Whether a saved window has the length of this one and stands at a place of it.
+    /// Whether a saved window has the length of this one, stands at a place of it, and holds numbers.
     pub(super) fn fits(&self, other: &Self) -> bool {
-        self.ring.len() == other.ring.len() && self.next < self.ring.len().max(1)
+        self.ring.len() == other.ring.len()
+            && self.next < self.ring.len().max(1)
+            && all_finite(&self.ring)
+            && all_finite(&[self.running, self.fresh])
     }
 }
 

@@ -136,7 +136,14 @@ impl Filter {
 
     /// Whether the age of a saved state lies in the table.
     pub fn admits(&self, state: &FilterState) -> bool {
+        let generators = &state.generators;
         (state.age as usize) < self.thresholds.rows()
+            && generators.columns() + self.gap_columns() <= generators.column_capacity()
+    }
+
+    /// Columns that one gap adds to H before it is reduced: the steady set and the member's own fault.
+    fn gap_columns(&self) -> usize {
+        self.steady.columns() + 1
     }
 
     /// Number of test rows.
@@ -148,7 +155,7 @@ impl Filter {
     pub fn generator_capacity(&self) -> usize {
         let (n, p) = (self.a_e.rows(), self.observers.a1.rows());
         let start = n + p + self.disturbance.columns() + self.observers.input.columns();
-        start.max(self.order) + self.steady.columns() + 1
+        start.max(self.order) + self.gap_columns()
     }
 
     /// Columns of the product that a gap forms.
