@@ -30,11 +30,23 @@ fn assert_isolated(run: &Value, component: &str, within_s: f64) {
     assert!(after_s <= within_s + 1e-9, "{run}");
 }
 
+/// The one run of each of the two diagnosers.
+fn runs_of_both(table: &serde_json::Value) -> &[serde_json::Value] {
+    let runs = table["runs"].as_array().unwrap();
+    let mut names: Vec<_> = runs
+        .iter()
+        .map(|run| run["diagnoser"].as_str().unwrap())
+        .collect();
+    names.sort_unstable();
+    assert_eq!(names, ["packets", "sensors"]);
+    runs
+}
+
 #[test]
 fn the_drive_without_fault_gives_no_alarm() {
     let Some(recording) = recording() else { return };
     let table = recording.table(&[]);
-    for run in table["runs"].as_array().unwrap() {
+    for run in runs_of_both(&table) {
         assert_eq!(run["false_alarms"], 0, "{run}");
     }
 }
@@ -45,7 +57,7 @@ fn offsets_of_sensors_and_steering_are_isolated_by_both_diagnosers() {
     for (column, size, component, within_s) in FAULTS {
         let fault = format!("offset,column={column},size={size},onset=30");
         let table = recording.table(&["--fault", &fault]);
-        for run in table["runs"].as_array().unwrap() {
+        for run in runs_of_both(&table) {
             assert_isolated(run, component, within_s);
         }
     }

@@ -47,7 +47,7 @@ impl Stage {
             .args(["run", "-", "--summary", "json", "--speed", &speed.to_string()])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
-            .env("RESIDUALD_LOG", "warn")
+            .env(crate::logging::FILTER_VARIABLE, "warn")
             .spawn()
             .map_err(process("start the daemon"))?;
         let written = daemon

@@ -36,6 +36,8 @@ macro_rules! conforms {
         #[test]
         fn a_state_of_another_kind_is_refused() { properties::foreign_state_is_refused(&$case); }
         #[test]
+        fn a_forged_state_is_refused_or_survived() { properties::forged_state_is_refused_or_survived(&$case); }
+        #[test]
         fn a_reset_returns_to_the_start() { properties::reset_returns_to_the_start(&$case); }
         #[test]
         fn no_step_allocates() { properties::no_step_allocates(&$case); }

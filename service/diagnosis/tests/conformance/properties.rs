@@ -8,6 +8,7 @@ use residual_diagnosis::diagnoser::{
 };
 use residual_shared::record::{MAX_CHANNELS, MAX_FAULTS};
 use std::collections::HashSet;
+use xxhash_rust::xxh3::xxh3_64;
 
 /// Steps of a test run; the fault acts in its second half.
 const STEPS: usize = 400;
@@ -146,6 +147,42 @@ pub fn foreign_state_is_refused(case: &Case) {
     changed[state.len() / 2] ^= 1;
     assert_eq!(refused(&changed, &mut diagnoser), RestoreError::Damaged);
     diagnoser.restore(&state).unwrap();
+}
+
+/// Numbers that do no harm where they are expected and all the harm where they are not.
+const FORGERIES: [u64; 8] = [
+    0,
+    1,
+    7,
+    1 << 32,
+    u64::MAX,
+    f64::NAN.to_bits(),
+    f64::INFINITY.to_bits(),
+    f64::MAX.to_bits(),
+];
+
+/// A state with a number changed and the right checksum is refused, or the steps after it do not panic.
+pub fn forged_state_is_refused_or_survived(case: &Case) {
+    let samples = samples(case, 10);
+    let new = case.diagnoser();
+    let mut diagnoser = new.boxed_clone();
+    run(case, &mut diagnoser, &samples[..230], 1, |_, _| {});
+    let state = saved(diagnoser.as_ref());
+    let content = state.len() - size_of::<u64>();
+    let mut accepted = 0;
+    for attempt in 0..120 {
+        let mut forged = state[..content].to_vec();
+        // Spread over the whole state by a step that shares no factor with its length.
+        let place = attempt * 7919 % (content - 8);
+        forged[place..place + 8].copy_from_slice(&FORGERIES[attempt % FORGERIES.len()].to_le_bytes());
+        forged.extend(xxh3_64(&forged).to_le_bytes());
+        let mut other = new.boxed_clone();
+        if other.restore(&forged).is_ok() {
+            accepted += 1;
+            run(case, &mut other, &samples[230..270], 231, |_, _| {});
+        }
+    }
+    println!("{accepted} forged states were accepted");
 }
 
 /// After a reset a diagnoser is as good as new.

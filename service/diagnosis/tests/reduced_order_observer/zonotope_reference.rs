@@ -32,6 +32,7 @@ fn the_reduction_keeps_the_longest_columns_and_boxes_the_rest() {
         let mut reduced = full.clone();
         Reducer::new(Reduction::Euclidean, 2, 7).reduce(&mut reduced, order);
         let expected = dense(expected);
+        assert_eq!(reduced.shape(), expected.shape(), "order {order}");
         for (found, expected) in columns(&reduced.to_dense()).iter().zip(columns(&expected)) {
             assert_close(&format!("order {order}"), found, &expected, 1e-12);
         }
