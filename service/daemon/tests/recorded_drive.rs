@@ -31,7 +31,7 @@ fn assert_isolated(run: &Value, component: &str, within_s: f64) {
 }
 
 /// The one run of each of the two diagnosers.
-fn runs_of_both(table: &serde_json::Value) -> &[serde_json::Value] {
+fn runs_of_both(table: &Value) -> &[Value] {
     let runs = table["runs"].as_array().unwrap();
     let mut names: Vec<_> = runs
         .iter()
