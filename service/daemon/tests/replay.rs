@@ -249,7 +249,7 @@ fn mistakes_in_the_request_are_named_and_end_with_a_failure() {
         "none of offset",
     );
     refused(&stage, &["--speed", "2"], 2, "--through-daemon");
-    refused(&stage, &["--runs", "7"], 1, "no run is selected");
+    refused(&stage, &["--runs", "7"], 1, "the recording has no run `7`");
 
     let missing = replay(&stage, Path::new("/no/such.csv"), &[]);
     assert_eq!(missing.code, Some(1));
