@@ -6,6 +6,7 @@
 // `!(|r| <= h)` is the alarm rule: unlike `|r| > h` it is never silent for a value that is not a number.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
+pub mod achieved;
 pub mod async_imm;
 mod buffer;
 pub mod chi_square;
@@ -15,6 +16,7 @@ pub mod decomposition;
 pub mod diagnoser;
 pub mod discretise;
 pub mod factor;
+pub mod gains;
 pub mod hinf_filter;
 pub mod lyapunov;
 pub mod matrix;

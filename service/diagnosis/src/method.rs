@@ -1,6 +1,8 @@
 //! From the tables of a diagnoser in a configuration to the diagnoser: what every method offers.
 
+use crate::achieved::Achieved;
 use crate::diagnoser::Diagnoser;
+use crate::gains::FoundGains;
 use crate::tables::TableError;
 use serde::{Serialize, de::DeserializeOwned};
 use std::fmt::{self, Debug};
@@ -9,6 +11,9 @@ use std::fmt::{self, Debug};
 pub trait MethodOptions: Serialize + DeserializeOwned + Clone + PartialEq + Debug {
     /// The method's name, as written in the configuration.
     const METHOD: &'static str;
+
+    /// The numbers that a synthesis finds and the diagnoser runs on; they stand in the gains file.
+    type Gains: Serialize + DeserializeOwned + Clone + PartialEq + Debug;
 
     /// How many measurements and commands the tables speak of.
     fn signal_counts(&self) -> (usize, usize);
@@ -22,11 +27,33 @@ pub trait MethodOptions: Serialize + DeserializeOwned + Clone + PartialEq + Debu
     /// The first condition that does not hold.
     fn validate(&self, sample_time_s: f64) -> Result<(), Refusal>;
 
-    /// Does the off-line design and constructs the diagnoser.
+    /// Why the gains cannot be found by closed forms and Riccati equations alone; `None` if they can.
+    fn needs_solver(&self) -> Option<Refusal> {
+        None
+    }
+
+    /// Finds the gains as far as no solver is needed: closed forms, Riccati equations, given numbers.
     ///
     /// # Errors
     /// The first condition that does not hold.
-    fn design(&self, sample_time_s: f64) -> Result<Designed, Refusal>;
+    fn find_gains(&self, sample_time_s: f64) -> Result<FoundGains<Self::Gains>, Refusal>;
+
+    /// Constructs the diagnoser that runs on these gains and recomputes what they achieve.
+    ///
+    /// # Errors
+    /// The first condition that does not hold.
+    fn with_gains(&self, sample_time_s: f64, gains: &Self::Gains) -> Result<Designed, Refusal>;
+
+    /// Finds the gains without a solver and constructs the diagnoser.
+    ///
+    /// # Errors
+    /// The first condition that does not hold.
+    fn design(&self, sample_time_s: f64) -> Result<Designed, Refusal> {
+        let found = self.find_gains(sample_time_s)?;
+        let mut designed = self.with_gains(sample_time_s, &found.gains)?;
+        designed.warnings.extend(found.warnings);
+        Ok(designed)
+    }
 }
 
 /// Why a method cannot run as configured.
@@ -59,6 +86,8 @@ impl From<TableError> for Refusal {
 pub struct Designed {
     /// The diagnoser.
     pub diagnoser: Box<dyn Diagnoser>,
+    /// What the gains achieve.
+    pub achieved: Achieved,
     /// What the design found, for people: name and value.
     pub notes: Vec<(&'static str, String)>,
     /// What is accepted but deserves a second look.
@@ -70,6 +99,7 @@ impl Debug for Designed {
         formatter
             .debug_struct("Designed")
             .field("diagnoser", self.diagnoser.description())
+            .field("achieved", &self.achieved)
             .field("notes", &self.notes)
             .field("warnings", &self.warnings)
             .finish()
@@ -80,6 +110,7 @@ impl Clone for Designed {
     fn clone(&self) -> Self {
         Self {
             diagnoser: self.diagnoser.boxed_clone(),
+            achieved: self.achieved.clone(),
             notes: self.notes.clone(),
             warnings: self.warnings.clone(),
         }

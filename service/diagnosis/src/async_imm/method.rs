@@ -8,10 +8,14 @@ use super::{
     options::AsyncImmTables,
     transition::equal_rate,
 };
+use crate::achieved::Achieved;
+use crate::gains::{FoundGains, NoGains};
 use crate::method::{Designed, MethodOptions, Refusal};
 
 impl MethodOptions for AsyncImmTables {
     const METHOD: &'static str = "async_imm";
+
+    type Gains = NoGains;
 
     fn signal_counts(&self) -> (usize, usize) {
         let measurements = self
@@ -47,7 +51,11 @@ impl MethodOptions for AsyncImmTables {
         Ok(settings.check(&design)?)
     }
 
-    fn design(&self, sample_time_s: f64) -> Result<Designed, Refusal> {
+    fn find_gains(&self, _sample_time_s: f64) -> Result<FoundGains<NoGains>, Refusal> {
+        Ok(FoundGains::closed_form(NoGains {}))
+    }
+
+    fn with_gains(&self, sample_time_s: f64, _gains: &NoGains) -> Result<Designed, Refusal> {
         let (design, settings) = self.to_design(sample_time_s)?;
         let diagnoser = AsyncImm::new(&design, settings)?;
         let report = diagnoser.report();
@@ -86,6 +94,7 @@ impl MethodOptions for AsyncImmTables {
             );
         }
         Ok(Designed {
+            achieved: Achieved::default(),
             diagnoser: Box::new(diagnoser),
             notes,
             warnings,

@@ -10,13 +10,17 @@ use super::{
     options::{ChiSquareOptions, StatisticKind},
 };
 use crate::{
+    achieved::Achieved,
     diagnoser::Diagnoser,
+    gains::{FoundGains, NoGains},
     method::{Designed, MethodOptions, Refusal},
     model::adopt_labels,
 };
 
 impl MethodOptions for ChiSquareOptions {
     const METHOD: &'static str = METHOD;
+
+    type Gains = NoGains;
 
     fn signal_counts(&self) -> (usize, usize) {
         let own = self.model.matrices();
@@ -47,10 +51,15 @@ impl MethodOptions for ChiSquareOptions {
         Ok(())
     }
 
-    fn design(&self, _sample_time_s: f64) -> Result<Designed, Refusal> {
+    fn find_gains(&self, _sample_time_s: f64) -> Result<FoundGains<NoGains>, Refusal> {
+        Ok(FoundGains::closed_form(NoGains {}))
+    }
+
+    fn with_gains(&self, _sample_time_s: f64, _gains: &NoGains) -> Result<Designed, Refusal> {
         refuse_external(self)?;
         let diagnoser = ChiSquareDiagnoser::new(self)?;
         Ok(Designed {
+            achieved: Achieved::default(),
             notes: notes(self, &diagnoser),
             warnings: diagnoser.design().report.warnings.clone(),
             diagnoser: Box::new(diagnoser),

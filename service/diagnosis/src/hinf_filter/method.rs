@@ -3,6 +3,8 @@
 use super::{
     HinfFilter, construction::METHOD, error::HinfFilterError, options::HinfFilterOptions, problem::Problem,
 };
+use crate::achieved::Achieved;
+use crate::gains::{FoundGains, NoGains};
 use crate::method::{Designed, MethodOptions, Refusal};
 
 impl From<HinfFilterError> for Refusal {
@@ -13,6 +15,8 @@ impl From<HinfFilterError> for Refusal {
 
 impl MethodOptions for HinfFilterOptions {
     const METHOD: &'static str = METHOD;
+
+    type Gains = NoGains;
 
     fn signal_counts(&self) -> (usize, usize) {
         (self.model.c.len(), self.model.b.first().map_or(0, Vec::len))
@@ -28,7 +32,11 @@ impl MethodOptions for HinfFilterOptions {
         Ok(())
     }
 
-    fn design(&self, sample_time_s: f64) -> Result<Designed, Refusal> {
+    fn find_gains(&self, _sample_time_s: f64) -> Result<FoundGains<NoGains>, Refusal> {
+        Ok(FoundGains::closed_form(NoGains {}))
+    }
+
+    fn with_gains(&self, sample_time_s: f64, _gains: &NoGains) -> Result<Designed, Refusal> {
         let filter = HinfFilter::new(self, sample_time_s)?;
         let report = filter.report();
         let mut warnings = Vec::new();
@@ -42,6 +50,7 @@ impl MethodOptions for HinfFilterOptions {
             );
         }
         Ok(Designed {
+            achieved: Achieved::default(),
             notes: report.notes(),
             diagnoser: Box::new(filter),
             warnings,

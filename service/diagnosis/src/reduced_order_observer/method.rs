@@ -8,13 +8,17 @@ use super::{
     options::{Mode, ReducedOrderObserverOptions},
 };
 use crate::{
+    achieved::Achieved,
     diagnoser::Diagnoser,
+    gains::{FoundGains, NoGains},
     method::{Designed, MethodOptions, Refusal},
 };
 use nalgebra::{DMatrix, DVector};
 
 impl MethodOptions for ReducedOrderObserverOptions {
     const METHOD: &'static str = "reduced_order_observer";
+
+    type Gains = NoGains;
 
     fn signal_counts(&self) -> (usize, usize) {
         (self.model.c.len(), self.model.b.first().map_or(0, Vec::len))
@@ -43,13 +47,18 @@ impl MethodOptions for ReducedOrderObserverOptions {
         Ok(self.check()?)
     }
 
-    fn design(&self, _sample_time_s: f64) -> Result<Designed, Refusal> {
+    fn find_gains(&self, _sample_time_s: f64) -> Result<FoundGains<NoGains>, Refusal> {
+        Ok(FoundGains::closed_form(NoGains {}))
+    }
+
+    fn with_gains(&self, _sample_time_s: f64, _gains: &NoGains) -> Result<Designed, Refusal> {
         let design = Design::new(self)?;
         let diagnoser: Box<dyn Diagnoser> = match self.bounds.mode {
             Mode::Joint => Box::new(ReducedOrderObserver::new(&design)?),
             Mode::Paper | Mode::Tiom => Box::new(BaselineObserver::new(&design)?),
         };
         Ok(Designed {
+            achieved: Achieved::default(),
             diagnoser,
             notes: notes(&design),
             warnings: design.warnings,

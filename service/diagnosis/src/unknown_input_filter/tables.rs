@@ -5,6 +5,8 @@ use super::checks::{CheckError, check_modes};
 use super::error::ConstructionError;
 use super::options::{BankOptions, FilterOptions, MissingOptions, ParityOptions, UnknownInputFilterOptions};
 use super::options_error::OptionsError;
+use crate::achieved::Achieved;
+use crate::gains::{FoundGains, NoGains};
 use crate::method::{Designed, MethodOptions, Refusal};
 use crate::model::{LinearModel, ModelOptions, adopt_labels};
 use serde::{Deserialize, Serialize};
@@ -44,6 +46,8 @@ impl UnknownInputFilterTables {
 impl MethodOptions for UnknownInputFilterTables {
     const METHOD: &'static str = "unknown_input_filter";
 
+    type Gains = NoGains;
+
     fn signal_counts(&self) -> (usize, usize) {
         (self.model.c.len(), self.model.b.first().map_or(0, Vec::len))
     }
@@ -59,8 +63,12 @@ impl MethodOptions for UnknownInputFilterTables {
         Ok(self.options().validate(&model)?)
     }
 
+    fn find_gains(&self, _sample_time_s: f64) -> Result<FoundGains<NoGains>, Refusal> {
+        Ok(FoundGains::closed_form(NoGains {}))
+    }
+
     /// Parity tests are those that the options bring; who has a solver designs them before.
-    fn design(&self, sample_time_s: f64) -> Result<Designed, Refusal> {
+    fn with_gains(&self, sample_time_s: f64, _gains: &NoGains) -> Result<Designed, Refusal> {
         let model = LinearModel::new(&self.model, sample_time_s)?;
         let options = self.options();
         options.validate(&model)?;
@@ -81,6 +89,7 @@ impl MethodOptions for UnknownInputFilterTables {
             .collect();
         let described: Vec<_> = modes.iter().map(|mode| mode.describe(&names)).collect();
         Ok(Designed {
+            achieved: Achieved::default(),
             diagnoser: Box::new(UnknownInputFilterBank::new(model, &options)?),
             notes: vec![("fault modes", described.join(", "))],
             warnings,
