@@ -31,7 +31,8 @@ fn at(place: &str, stated: &Value, recomputed: &Value, tolerance: f64) -> Option
     };
     match (stated, recomputed) {
         (Value::Float(a), Value::Float(b)) => {
-            let close = a == b || (a - b).abs() <= tolerance * a.abs().max(b.abs()) + NEGLIGIBLE * tolerance;
+            let allowed = tolerance * (a.abs().max(b.abs()) + NEGLIGIBLE);
+            let close = a == b || (allowed.is_finite() && (a - b).abs() <= allowed);
             if close { None } else { differs(stated, recomputed) }
         }
         (Value::Array(a), Value::Array(b)) => {
