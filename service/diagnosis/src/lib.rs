@@ -26,6 +26,7 @@ pub mod norms;
 pub mod packets;
 pub mod reduced_order_observer;
 pub mod riccati;
+pub mod rounding;
 pub mod spectrum;
 pub mod state;
 pub mod tables;

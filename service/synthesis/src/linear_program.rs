@@ -11,7 +11,10 @@ use clarabel::solver::{
 use thiserror::Error;
 
 /// Accuracy asked of the solver, relative and absolute; the check of a solution allows more.
-const TOLERANCE: f64 = 1e-10;
+pub const TOLERANCE: f64 = 1e-10;
+
+/// The solver, as gains files name it.
+pub const SOLVER: &str = "Clarabel 0.11.1";
 
 /// Why there is no solution to check.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -47,6 +50,8 @@ pub struct Solution {
     pub dual_objective: f64,
     /// The solver's word.
     pub status: String,
+    /// Iterations of the solver.
+    pub iterations: u32,
 }
 
 /// Rows of a constraint matrix in triplet form, with their right-hand sides.
@@ -150,6 +155,7 @@ impl LinearProgram {
                     objective: solver.solution.obj_val,
                     dual_objective: solver.solution.obj_val_dual,
                     values: solver.solution.x,
+                    iterations: solver.solution.iterations,
                     status,
                 })
             }

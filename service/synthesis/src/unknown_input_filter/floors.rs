@@ -13,9 +13,10 @@
 //! | F | columns of B of the mode |
 
 use crate::bounds::NoiseBounds;
-use crate::linear_program::{LinearProgram, LinearProgramError};
-use crate::window_equalities::{Multipliers, WindowEqualities};
+use crate::linear_program::{LinearProgram, LinearProgramError, SOLVER, TOLERANCE as SOLVER_TOLERANCE};
+use crate::unknown_input_filter::window_equalities::{Multipliers, WindowEqualities};
 use nalgebra::{DMatrix, DVector};
+use residual_diagnosis::gains::SolverRun;
 use residual_diagnosis::model::LinearModel;
 use residual_diagnosis::unknown_input_filter::modes::FaultMode;
 use thiserror::Error;
@@ -55,6 +56,8 @@ pub struct FloorSolution {
     pub lambda: DMatrix<f64>,
     /// μ, ny x (n + 1), oldest sample first.
     pub mu: DMatrix<f64>,
+    /// What the solver said.
+    pub run: SolverRun,
 }
 
 impl FloorSolution {
@@ -234,7 +237,24 @@ pub fn solve(
     accurate(violation / z.largest().max(f64::MIN_POSITIVE))?;
     accurate(threshold_of(model, bounds, nominal_state, &z) - 1.0)?;
     let Multipliers { lambda, mu } = z;
-    Ok(Some(FloorSolution { gain, lambda, mu }))
+    let run = SolverRun {
+        problem: format!(
+            "largest response to fault {actuator}, mode {}, window of {n} transitions",
+            question.mode
+        ),
+        solver: SOLVER.to_owned(),
+        status: solution.status,
+        iterations: solution.iterations,
+        objective: solution.objective,
+        dual_objective: solution.dual_objective,
+        tolerance: SOLVER_TOLERANCE,
+    };
+    Ok(Some(FloorSolution {
+        gain,
+        lambda,
+        mu,
+        run,
+    }))
 }
 
 fn check(
