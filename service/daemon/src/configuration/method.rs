@@ -2,7 +2,6 @@
 
 use super::deserialise::{keys_of, read};
 use super::locate::Mistakes;
-use super::parity_design::with_parity_tests;
 use super::schema::Method;
 use residual_diagnosis::async_imm::options::AsyncImmTables;
 use residual_diagnosis::chi_square::ChiSquareOptions;
@@ -10,6 +9,7 @@ use residual_diagnosis::hinf_filter::options::HinfFilterOptions;
 use residual_diagnosis::method::{Designed, MethodOptions, Refusal};
 use residual_diagnosis::reduced_order_observer::options::ReducedOrderObserverOptions;
 use residual_diagnosis::unknown_input_filter::tables::UnknownInputFilterTables;
+use residual_synthesis::unknown_input_filter;
 use std::ops::Range;
 use toml::de::DeTable;
 
@@ -70,7 +70,12 @@ impl MethodConfiguration {
     /// The first condition that does not hold.
     pub fn design(&self, sample_time_s: f64) -> Result<Designed, Refusal> {
         match self {
-            Self::UnknownInputFilter(tables) => with_parity_tests(tables, sample_time_s),
+            Self::UnknownInputFilter(tables) => {
+                let found = unknown_input_filter::find_gains(tables, sample_time_s, &mut |_| ())?;
+                let mut designed = tables.with_gains(sample_time_s, &found.gains)?;
+                designed.warnings.extend(found.warnings);
+                Ok(designed)
+            }
             Self::ReducedOrderObserver(tables) => tables.design(sample_time_s),
             Self::AsyncImm(tables) => tables.design(sample_time_s),
             Self::HinfFilter(tables) => tables.design(sample_time_s),
