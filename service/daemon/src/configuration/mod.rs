@@ -7,7 +7,7 @@
 //! | `deserialise`, `refusal`, `locate` | from text to sections, every mistake with its place |
 //! | `validate` | from sections to [`Configuration`] |
 //! | [`load`] | the whole way |
-//! | [`method`], [`build`] | the diagnosis methods, and the construction of the diagnosers |
+//! | [`method`], [`build`], [`gains`] | the diagnosis methods, their gains, and the construction of the diagnosers |
 //! | `parity_design`, `parity_words` | parity tests of a bank, and what their design says to people |
 //! | `warnings` | what is accepted but deserves a second look |
 //!
@@ -16,10 +16,13 @@
 pub mod build;
 mod deserialise;
 pub mod error;
+pub mod gains;
 pub mod load;
 mod locate;
 pub mod method;
+#[cfg(feature = "synthesis")]
 mod parity_design;
+#[cfg(feature = "synthesis")]
 mod parity_words;
 mod refusal;
 mod schema;
@@ -68,6 +71,8 @@ pub struct DaemonSection {
     pub log: String,
     /// Step records buffered for recorders, >= 1.
     pub record_queue: usize,
+    /// File with the gains of all diagnosers; `None`: they are found at the start.
+    pub gains_file: Option<PathBuf>,
 }
 
 impl DaemonSection {
