@@ -13,7 +13,8 @@
 //! | F | columns of B of the mode |
 
 use crate::bounds::NoiseBounds;
-use crate::linear_program::{LinearProgram, LinearProgramError};
+use crate::conic::SolverError;
+use crate::linear_program::LinearProgram;
 use crate::window_equalities::{Multipliers, WindowEqualities};
 use nalgebra::{DMatrix, DVector};
 use residual_diagnosis::model::LinearModel;
@@ -110,7 +111,7 @@ pub enum FloorError {
         /// The actuator.
         actuator: usize,
         /// What the solver said.
-        source: LinearProgramError,
+        source: SolverError,
     },
     /// The solver's point does not pass the check.
     #[error(
@@ -206,7 +207,7 @@ pub fn solve(
 
     let actuator = question.actuator;
     let solution = program.solve().map_err(|source| match source {
-        LinearProgramError::Unbounded { .. } => FloorError::Unlimited { actuator },
+        SolverError::Unbounded { .. } => FloorError::Unlimited { actuator },
         source => FloorError::Solver { actuator, source },
     })?;
     let gain = -solution.objective;

@@ -1,7 +1,7 @@
 //! What can go wrong in an identification.
 
+use crate::conic::SolverError;
 use crate::floors::FloorError;
-use crate::linear_program::LinearProgramError;
 use thiserror::Error;
 
 /// Why no bounds could be identified. Outputs, disturbances and instants count from 0.
@@ -100,7 +100,7 @@ pub enum IdentifyError {
         /// Name of the run.
         run: String,
         /// What the solver said.
-        source: LinearProgramError,
+        source: SolverError,
     },
     /// The solver's trajectory does not fulfil the model.
     #[error(

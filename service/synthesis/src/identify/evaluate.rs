@@ -5,8 +5,8 @@ use super::run_data::{Piece, cut};
 use super::trajectory::{Goal, Plant, TrajectoryError};
 use super::{IdentifyError, IdentifyOptions, RunData};
 use crate::bounds::{NoiseBounds, round_up};
+use crate::conic::SolverError;
 use crate::floors::{FloorQuestion, solve};
-use crate::linear_program::LinearProgramError;
 use nalgebra::DVector;
 use residual_diagnosis::model::LinearModel;
 use residual_diagnosis::unknown_input_filter::modes::FaultMode;
@@ -128,7 +128,7 @@ impl<'a> Evaluator<'a> {
                     scales = scales.sup(&need.disturbances);
                     used = used.sup(&(need.noise * (1.0 - NOISE_RESERVE)));
                 }
-                Err(TrajectoryError::Solver(error @ LinearProgramError::Infeasible { .. })) => {
+                Err(TrajectoryError::Solver(error @ SolverError::Infeasible { .. })) => {
                     let need = self
                         .plant
                         .explain(piece, &Goal::NoiseFactor(noise))
