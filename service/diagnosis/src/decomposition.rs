@@ -3,7 +3,7 @@
 //! Whatever matrix a user configures, a check must end: the singular values come from one-sided Jacobi rotations,
 //! which converge quickly and keep small singular values accurate, the eigenvalues from a capped QR iteration.
 
-use nalgebra::{Complex, DMatrix, DVector, Schur};
+use nalgebra::{Complex, DMatrix, DVector, Schur, SymmetricEigen};
 
 /// A = U diag(σ) V' for any m x n matrix A; every column has its σ, also with more columns than rows.
 #[derive(Clone, Debug)]
@@ -103,6 +103,53 @@ fn orthogonalise(u: &mut DMatrix<f64>, v: &mut DMatrix<f64>, p: usize, q: usize)
     true
 }
 
+/// A = V diag(λ) V' for a symmetric n x n matrix A.
+#[derive(Clone, Debug)]
+pub struct SymmetricDecomposition {
+    /// λ, ascending.
+    pub eigenvalues: DVector<f64>,
+    /// n x n, orthogonal.
+    pub vectors: DMatrix<f64>,
+}
+
+impl SymmetricDecomposition {
+    /// Decomposes the symmetric part of a matrix. The values of a matrix with infinite entries are not numbers.
+    pub fn new(matrix: &DMatrix<f64>) -> Self {
+        const ITERATIONS: usize = 10_000;
+        let n = matrix.nrows();
+        if !matrix.iter().all(|entry| entry.is_finite()) {
+            return Self {
+                eigenvalues: DVector::from_element(n, f64::NAN),
+                vectors: DMatrix::from_element(n, n, f64::NAN),
+            };
+        }
+        let symmetric = (matrix + matrix.transpose()) / 2.0;
+        let (values, vectors) = match SymmetricEigen::try_new(symmetric.clone(), f64::EPSILON, ITERATIONS) {
+            Some(found) => (found.eigenvalues, found.eigenvectors),
+            None => shifted_decomposition(&symmetric),
+        };
+        let mut order: Vec<usize> = (0..n).collect();
+        order.sort_by(|&i, &j| values[i].total_cmp(&values[j]));
+        Self {
+            eigenvalues: DVector::from_fn(n, |i, _| values[order[i]]),
+            vectors: vectors.select_columns(&order),
+        }
+    }
+
+    /// The smallest eigenvalue; infinite of an empty matrix, not a number if an entry is not finite.
+    pub fn smallest(&self) -> f64 {
+        self.eigenvalues.get(0).copied().unwrap_or(f64::INFINITY)
+    }
+}
+
+/// Eigenvalues and vectors of a symmetric A from the singular values of A + ‖A‖I, which is positive semidefinite.
+fn shifted_decomposition(symmetric: &DMatrix<f64>) -> (DVector<f64>, DMatrix<f64>) {
+    let shift = symmetric.norm();
+    let shifted = symmetric + DMatrix::identity(symmetric.nrows(), symmetric.nrows()) * shift;
+    let decomposition = SingularDecomposition::new(&shifted);
+    (decomposition.sigma.add_scalar(-shift), decomposition.v)
+}
+
 /// Eigenvalues; `None` if the iteration does not converge even after a change by rounding errors, which breaks
 /// the symmetries on which it can stall.
 pub fn eigenvalues(matrix: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
@@ -197,6 +244,30 @@ mod tests {
                 .left_inverse(1e-9)
                 .is_none()
         );
+    }
+
+    #[test]
+    fn a_symmetric_matrix_has_ascending_eigenvalues_either_way() {
+        let size = 6;
+        let matrix = DMatrix::from_fn(size, size, |i, j| {
+            ((i * j + 1) as f64).sin() + ((i + j) as f64).cos()
+        });
+        let found = SymmetricDecomposition::new(&matrix);
+        let rebuilt = &found.vectors * DMatrix::from_diagonal(&found.eigenvalues) * found.vectors.transpose();
+        assert!((rebuilt - &matrix).amax() < 1e-14 * 10.0);
+        assert!(
+            found
+                .eigenvalues
+                .as_slice()
+                .is_sorted_by(|left, right| left <= right)
+        );
+        assert_eq!(found.smallest(), found.eigenvalues[0]);
+        let (values, vectors) = shifted_decomposition(&matrix);
+        assert!(
+            (&vectors * DMatrix::from_diagonal(&values) * vectors.transpose() - &matrix).amax()
+                < 1e-14 * 10.0
+        );
+        assert!(SymmetricDecomposition::new(&(matrix / 0.0)).smallest().is_nan());
     }
 
     #[test]

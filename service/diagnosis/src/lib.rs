@@ -25,6 +25,7 @@ pub mod model;
 pub mod norms;
 pub mod packets;
 pub mod reduced_order_observer;
+pub mod response;
 pub mod riccati;
 pub mod rounding;
 pub mod spectrum;

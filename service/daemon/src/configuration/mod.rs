@@ -7,7 +7,7 @@
 //! | `deserialise`, `refusal`, `locate` | from text to sections, every mistake with its place |
 //! | `validate` | from sections to [`Configuration`] |
 //! | [`load`] | the whole way |
-//! | [`method`], [`build`] | the diagnosis methods, and the construction of the diagnosers |
+//! | [`method`], [`build`], [`gains`] | the diagnosis methods, their gains, and the construction of the diagnosers |
 //! | `warnings` | what is accepted but deserves a second look |
 //!
 //! `deploy/config/README.md` documents every key, `deploy/config/vtol.toml` is a complete example.
@@ -15,6 +15,7 @@
 pub mod build;
 mod deserialise;
 pub mod error;
+pub mod gains;
 pub mod load;
 mod locate;
 pub mod method;
@@ -65,6 +66,8 @@ pub struct DaemonSection {
     pub log: String,
     /// Step records buffered for recorders, >= 1.
     pub record_queue: usize,
+    /// File with the gains of all diagnosers; `None`: they are found at the start.
+    pub gains_file: Option<PathBuf>,
 }
 
 impl DaemonSection {

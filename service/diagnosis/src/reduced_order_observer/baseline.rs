@@ -164,6 +164,25 @@ impl BaselineObserver {
         }
     }
 
+    /// What the half widths settle at; `None` if they grow without limit or very slowly.
+    pub(super) fn settled_half_widths(&self) -> Option<Vec<f64>> {
+        const STEPS: usize = 10_000;
+        const SETTLED: f64 = 1e-12;
+        let mut bounds = self.clone();
+        for _ in 0..STEPS {
+            let before = bounds.state.radius.clone();
+            bounds.advance_bound();
+            if !all_finite(&bounds.state.radius) {
+                return None;
+            }
+            let mut pairs = before.iter().zip(&bounds.state.radius);
+            if pairs.all(|(old, new)| (new - old).abs() <= SETTLED * new) {
+                return Some(bounds.state.radius);
+            }
+        }
+        None
+    }
+
     fn write(&self, record: &mut StepRecord) {
         record.channel_count = self.description.channels.len() as u32;
         let rows = self.rows.iter().map(TestRow::channel);

@@ -76,7 +76,7 @@ impl BaselineObserver {
             reducer: Reducer::new(Reduction::Euclidean, p, columns),
             idle: state.clone(),
             state,
-            format: StateFormat::new("reduced_order_observer", STATE_VERSION, options),
+            format: StateFormat::new("reduced_order_observer", STATE_VERSION, &(options, &design.gains)),
             description: Description {
                 method: "reduced_order_observer",
                 channels: describe(&outputs_only)?,

@@ -1,100 +1,106 @@
 //! A Lyapunov certificate of accepted gains (method sheet 3.6, paper equations (2) and (4)).
 //!
 //! P = T' diag(δ S0, P2) T with M'S0 M - S0 = -I and F'P2 F - P2 = -I, T L = \[-N; -J\]; δ is lowered until
-//! (A + L C)'P(A + L C) - P is negative definite. All in the coordinates x' = T_c x.
+//! (A + L C)'P(A + L C) - P is negative definite. All in the coordinates x' = T_c x, in which N_c = \[0; I\].
 
 use super::{
     observer::Observer,
     plant::{Plant, beside, stack},
 };
-use nalgebra::{DMatrix, SymmetricEigen};
+use crate::lyapunov::discrete;
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-/// Steps of the doubling iteration: 2^60 terms of the series.
-const DOUBLINGS: usize = 60;
 /// Smallest δ tried.
 const SMALLEST_DELTA: f64 = 1e-12;
+/// Relative to |P| (and |D|): what rounding may add to an equality.
+const EQUALITY: f64 = 1e-9;
 
-/// P and L with P > 0, (A + L C)'P(A + L C) - P < 0 and D'P N_c = 0.
+/// P with P > 0, (A + L C)'P(A + L C) - P < 0 and D'P N_c = 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Certificate {
-    /// δ, the weight of the measured part.
-    pub delta: f64,
     /// P, n x n.
     pub p: DMatrix<f64>,
     /// L, n x p.
     pub l: DMatrix<f64>,
+    /// Smallest eigenvalue of P, positive.
+    pub smallest: f64,
     /// Largest eigenvalue of (A + L C)'P(A + L C) - P, negative.
     pub decrease: f64,
 }
 
 impl Certificate {
-    /// The certificate of an observer; `None` if F or M is not Schur, or nearly so.
-    pub fn new(plant: &Plant, observer: &Observer) -> Option<Self> {
+    /// The largest δ = 0.1, 0.01, ... that gives a certificate of an observer, and that certificate; `None` if F or M
+    /// is not Schur, or nearly so.
+    pub fn find(plant: &Plant, observer: &Observer) -> Option<(f64, Self)> {
         let (n, p, nz) = (plant.states(), plant.outputs(), plant.hidden());
-        let upper = lyapunov(&observer.m)?;
-        let lower = lyapunov(&observer.f)?;
+        let lyapunov = |x: &DMatrix<f64>| discrete(&x.transpose(), &DMatrix::identity(x.nrows(), x.nrows()));
+        let (upper, lower) = (lyapunov(&observer.m)?, lyapunov(&observer.f)?);
         let t = stack(
             &DMatrix::identity(p, n),
             &beside(&observer.k, &DMatrix::identity(nz, nz)),
         );
-        let noise = observer.noise_input();
-        // T⁻¹ = [[I, 0], [-K, I]].
-        let l = -stack(
-            &noise.rows(0, p).into_owned(),
-            &(noise.rows(p, nz) - &observer.k * noise.rows(0, p)),
-        );
-        let mut closed = plant.a.clone();
-        let mut measured = closed.columns_mut(0, p);
-        measured += &l;
         let mut delta = 0.1;
         while delta >= SMALLEST_DELTA {
             let weight = stack(
                 &beside(&(&upper * delta), &DMatrix::zeros(p, nz)),
                 &beside(&DMatrix::zeros(nz, p), &lower),
             );
-            let p_matrix = t.transpose() * weight * &t;
-            let difference = closed.transpose() * &p_matrix * &closed - &p_matrix;
-            let decrease = largest_eigenvalue(&difference)?;
-            if decrease < 0.0 {
-                return Some(Self {
-                    delta,
-                    p: p_matrix,
-                    l,
-                    decrease,
-                });
+            let found = t.transpose() * weight * &t;
+            let symmetric = (&found + found.transpose()) / 2.0;
+            if let Ok(certificate) = Self::verify(plant, observer, symmetric) {
+                return Some((delta, certificate));
             }
             delta /= 10.0;
         }
         None
     }
+
+    /// Whether P certifies an observer; the violated condition otherwise.
+    ///
+    /// # Errors
+    /// The condition in words, with its value.
+    pub fn verify(plant: &Plant, observer: &Observer, p: DMatrix<f64>) -> Result<Self, String> {
+        let (size, outputs, nz) = (p.amax(), plant.outputs(), plant.hidden());
+        let asymmetry = (&p - p.transpose()).amax();
+        if !(asymmetry <= EQUALITY * size) {
+            return Err(format!("P must be symmetric, P - P' reaches {asymmetry:e}"));
+        }
+        let smallest = eigenvalues(&p).map_or(f64::NAN, |values| values.min());
+        if !(smallest > 0.0) {
+            return Err(format!(
+                "P must be positive definite, its smallest eigenvalue is {smallest:e}"
+            ));
+        }
+        let coupling = plant.d.tr_mul(&p).columns(outputs, nz).amax();
+        if !(coupling <= EQUALITY * size * plant.d.norm()) {
+            return Err(format!("D'P N_c must vanish, it reaches {coupling:e}"));
+        }
+        // T⁻¹ = [[I, 0], [-K, I]].
+        let noise = observer.noise_input();
+        let (n, j) = (noise.rows(0, outputs).into_owned(), noise.rows(outputs, nz));
+        let l = -stack(&n, &(j - &observer.k * &n));
+        let mut closed = plant.a.clone();
+        let mut measured = closed.columns_mut(0, outputs);
+        measured += &l;
+        let difference = closed.transpose() * &p * &closed - &p;
+        let decrease = eigenvalues(&difference).map_or(f64::NAN, |values| values.max());
+        if !(decrease < 0.0) {
+            return Err(format!(
+                "(A + L C)'P(A + L C) - P must be negative definite, its largest eigenvalue is {decrease:e}"
+            ));
+        }
+        Ok(Self {
+            p,
+            l,
+            smallest,
+            decrease,
+        })
+    }
 }
 
-/// Largest eigenvalue of the symmetric part; `None` if the iteration does not converge.
-fn largest_eigenvalue(matrix: &DMatrix<f64>) -> Option<f64> {
+/// Eigenvalues of the symmetric part; `None` if the iteration does not converge.
+fn eigenvalues(matrix: &DMatrix<f64>) -> Option<DVector<f64>> {
     const ITERATIONS: usize = 10_000;
     let symmetric = (matrix + matrix.transpose()) / 2.0;
-    Some(
-        SymmetricEigen::try_new(symmetric, f64::EPSILON, ITERATIONS)?
-            .eigenvalues
-            .max(),
-    )
-}
-
-/// S with X'S X - S = -I, the sum of (X')^k X^k by doubling; `None` if it does not converge.
-fn lyapunov(x: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-    let mut sum = DMatrix::identity(x.nrows(), x.nrows());
-    let mut power = x.clone();
-    for _ in 0..DOUBLINGS {
-        let added = power.transpose() * &sum * &power;
-        let (change, size) = (added.amax(), sum.amax());
-        sum += added;
-        if change <= f64::EPSILON * size {
-            return Some(sum);
-        }
-        power = &power * &power;
-        if !power.iter().all(|value| value.is_finite()) {
-            return None;
-        }
-    }
-    None
+    Some(SymmetricEigen::try_new(symmetric, f64::EPSILON, ITERATIONS)?.eigenvalues)
 }

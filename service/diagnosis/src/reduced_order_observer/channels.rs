@@ -7,8 +7,57 @@
 
 use residual_shared::record::MAX_CHANNELS;
 
-use super::{design::Design, error::ConstructionError, options::ModelOptions, test_row::TestRow};
+use super::{
+    design::Design, error::ConstructionError, observer_design::ObserverDesign, options::ModelOptions,
+    test_row::TestRow,
+};
 use crate::diagnoser::{Channel, ChannelDescription};
+
+/// A channel with a test.
+pub(super) struct TestChannel<'a> {
+    /// Its name.
+    pub name: String,
+    unit: &'a str,
+    /// The observer that it belongs to.
+    pub design: &'a ObserverDesign,
+    /// Which of the observer's rows it is.
+    pub row: usize,
+}
+
+/// The channels with a test, in the order of a record.
+pub(super) fn test_channels(design: &Design) -> Vec<TestChannel<'_>> {
+    let model = &design.options.model;
+    let (p, common) = (design.plant.outputs(), common_unit(model));
+    let rows = |design: &'_ ObserverDesign| 0..design.tests.nrows();
+    let main = rows(&design.main).map(|row| TestChannel {
+        name: match row.checked_sub(p) {
+            None => format!("output_{row}"),
+            Some(l) => format!("direction_{l}"),
+        },
+        unit: if row < p {
+            entry(&model.output_units, row)
+        } else {
+            common
+        },
+        design: &design.main,
+        row,
+    });
+    let members = with_actuator(&design.isolation.members).flat_map(|(actuator, design)| {
+        rows(design).map(move |row| TestChannel {
+            name: format!("member_{actuator}_{row}"),
+            unit: common,
+            design,
+            row,
+        })
+    });
+    let estimators = with_actuator(&design.isolation.estimators).map(|(actuator, design)| TestChannel {
+        name: format!("estimator_{actuator}"),
+        unit: entry(&model.actuator_units, actuator),
+        design,
+        row: 0,
+    });
+    main.chain(members).chain(estimators).collect()
+}
 
 /// The channels of a design in the order of a record.
 ///
@@ -16,39 +65,22 @@ use crate::diagnoser::{Channel, ChannelDescription};
 /// [`ConstructionError::TooManyChannels`].
 pub(super) fn describe(design: &Design) -> Result<Vec<ChannelDescription>, ConstructionError> {
     let model = &design.options.model;
-    let (p, rows) = (design.plant.outputs(), design.main.tests.nrows());
-    let common = common_unit(model);
-    let mut channels = Vec::new();
-    let mut add = |name: String, unit: &str| {
-        channels.push(ChannelDescription {
-            name,
-            unit: unit.to_owned(),
-        });
+    let channel = |name: String, unit: &str| ChannelDescription {
+        name,
+        unit: unit.to_owned(),
     };
-    for i in 0..p {
-        add(format!("output_{i}"), entry(&model.output_units, i));
-    }
-    for l in 0..rows - p {
-        add(format!("direction_{l}"), common);
-    }
-    add("output_excess".to_owned(), common);
-    for (actuator, member) in with_actuator(&design.isolation.members) {
-        for l in 0..member.tests.nrows() {
-            add(format!("member_{actuator}_{l}"), common);
-        }
-    }
-    for (actuator, _) in with_actuator(&design.isolation.estimators) {
-        add(
-            format!("estimator_{actuator}"),
-            entry(&model.actuator_units, actuator),
-        );
-    }
-    for (actuator, _) in with_actuator(&design.isolation.estimators) {
-        add(
+    let tests = test_channels(design).into_iter();
+    let mut channels: Vec<ChannelDescription> = tests.map(|test| channel(test.name, test.unit)).collect();
+    channels.insert(
+        design.main.tests.nrows(),
+        channel("output_excess".to_owned(), common_unit(model)),
+    );
+    channels.extend(with_actuator(&design.isolation.estimators).map(|(actuator, _)| {
+        channel(
             format!("fault_estimate_{actuator}"),
             entry(&model.actuator_units, actuator),
-        );
-    }
+        )
+    }));
     match channels.len() {
         count if count > MAX_CHANNELS => Err(ConstructionError::TooManyChannels {
             count,
@@ -93,15 +125,14 @@ pub(super) fn output_excess(hull: impl Iterator<Item = TestRow>) -> Channel {
     })
 }
 
-fn with_actuator(
-    designs: &[super::observer_design::ObserverDesign],
-) -> impl Iterator<Item = (usize, &super::observer_design::ObserverDesign)> {
+fn with_actuator(designs: &[ObserverDesign]) -> impl Iterator<Item = (usize, &ObserverDesign)> {
     designs
         .iter()
         .filter_map(|design| Some((design.actuator?, design)))
 }
 
-fn entry(list: &Option<Vec<String>>, index: usize) -> &str {
+/// An entry of a list of names or units; empty where there is none.
+pub(super) fn entry(list: &Option<Vec<String>>, index: usize) -> &str {
     list.as_ref()
         .and_then(|list| list.get(index))
         .map_or("", String::as_str)

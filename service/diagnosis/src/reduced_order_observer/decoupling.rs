@@ -109,9 +109,19 @@ impl Decoupling {
         &once - (&once * &self.u1 + &self.u2) * &self.u1_inverse
     }
 
-    /// Whether |K U1 + U2| <= 1e-12 (1 + |K||U1| + |U2|).
+    /// The largest entry of |K U1 + U2|.
+    pub fn rest(&self, k: &DMatrix<f64>) -> f64 {
+        (k * &self.u1 + &self.u2).amax()
+    }
+
+    /// 1e-12 (1 + |K||U1| + |U2|): what rounding may leave of K U1 + U2.
+    pub fn allowed_rest(&self, k: &DMatrix<f64>) -> f64 {
+        1e-12 * (1.0 + k.norm() * self.u1.norm() + self.u2.norm())
+    }
+
+    /// Whether K U1 + U2 vanishes up to rounding.
     pub fn is_decoupled(&self, k: &DMatrix<f64>) -> bool {
-        let rest = (k * &self.u1 + &self.u2).amax();
-        rest <= 1e-12 * (1.0 + k.norm() * self.u1.norm() + self.u2.norm())
+        let allowed = self.allowed_rest(k);
+        allowed.is_finite() && self.rest(k) <= allowed
     }
 }

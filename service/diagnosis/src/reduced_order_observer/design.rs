@@ -1,16 +1,16 @@
-//! The whole off-line design: checks, gains, tests and tables (method sheet 3).
+//! The design that belongs to given gains: everything that is fixed before the first sample (method sheet 3).
 
 use residual_shared::record::MAX_FAULTS;
 
 use super::{
     certificate::Certificate,
-    directions::MAX_FACET_OUTPUTS,
     error::ConstructionError,
-    isolation_design::{IsolationDesign, design_isolation},
+    gains::ReducedOrderObserverGains,
     observer_design::ObserverDesign,
-    options::{Mode, ReducedOrderObserverOptions, Test},
+    options::{Mode, ReducedOrderObserverOptions},
     plant::Plant,
-    synthesis::synthesise,
+    synthesis::find_gains,
+    verification::{isolation_observers, main_observer},
 };
 
 /// Everything that is fixed before the first sample.
@@ -18,63 +18,84 @@ use super::{
 pub struct Design {
     /// The configuration.
     pub options: ReducedOrderObserverOptions,
+    /// The gains that all the rest follows from.
+    pub gains: ReducedOrderObserverGains,
     /// The plant in the coordinates x' = T_c x.
     pub plant: Plant,
     /// The main observer.
     pub main: ObserverDesign,
-    /// Where its gains come from.
-    pub source: String,
     /// Members and estimators; none outside the joint mode.
     pub isolation: IsolationDesign,
-    /// A Lyapunov certificate of the main observer, if one was found.
+    /// The Lyapunov certificate of the main observer, if there is one.
     pub certificate: Option<Certificate>,
     /// What is accepted but deserves a second look.
     pub warnings: Vec<String>,
 }
 
+/// The observers beside the main one.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct IsolationDesign {
+    /// At most one per actuator: its rows do not react to that actuator's fault.
+    pub members: Vec<ObserverDesign>,
+    /// At most one per actuator: one row φ, φ (y - ẑ1) is the fault one sample ago, up to the row's half width.
+    pub estimators: Vec<ObserverDesign>,
+}
+
 impl Design {
-    /// Checks the options and designs.
+    /// Finds gains without a solver and designs with them.
     ///
     /// # Errors
     /// [`ConstructionError`] with the entry of the configuration that is wrong.
     pub fn new(options: &ReducedOrderObserverOptions) -> Result<Self, ConstructionError> {
-        let plant = options.checked_plant()?;
-        if plant.actuators() > MAX_FAULTS {
-            return Err(ConstructionError::TooManyFaults {
-                count: plant.actuators(),
-                limit: MAX_FAULTS,
+        let found = find_gains(options)?;
+        let mut design = Self::with_gains(options, &found.gains)?;
+        design.warnings.extend(found.warnings);
+        Ok(design)
+    }
+
+    /// Checks the options and the gains, and computes all tables.
+    ///
+    /// # Errors
+    /// [`ConstructionError`]: the entry that is wrong, or the condition that the gains violate.
+    pub fn with_gains(
+        options: &ReducedOrderObserverOptions,
+        gains: &ReducedOrderObserverGains,
+    ) -> Result<Self, ConstructionError> {
+        let plant = checked_plant(options)?;
+        let (main, certificate) = main_observer(&plant, options, &gains.main)?;
+        let isolates = options.bounds.mode == Mode::Joint && options.isolation.enabled;
+        if !isolates && !(gains.members.is_empty() && gains.estimators.is_empty()) {
+            return Err(ConstructionError::GainsRefused {
+                key: "gains".to_owned(),
+                reason: "they have members or estimators, but the configuration asks for none".to_owned(),
             });
         }
-        let synthesis = synthesise(&plant, options)?;
-        let mut warnings = synthesis.warnings;
-        let joint = options.bounds.mode == Mode::Joint;
-        if joint && options.bounds.tests.contains(&Test::Set) && plant.outputs() > MAX_FACET_OUTPUTS {
-            warnings.push(format!(
-                "`bounds.tests`: with {} outputs the set is tested by the outputs and the directions blind to the \
-                 disturbance only, not by its facets",
-                plant.outputs()
-            ));
-        }
-        let isolation = match joint && options.isolation.enabled {
-            true => design_isolation(&plant, options),
-            false => IsolationDesign::default(),
-        };
-        warnings.extend(isolation.warnings.iter().cloned());
-        let certificate = Certificate::new(&plant, &synthesis.design.observer);
+        let [members, estimators] = isolation_observers(&plant, options, &gains.members, &gains.estimators)?;
+        let mut warnings = Vec::new();
         if certificate.is_none() {
-            warnings.push(
-                "no Lyapunov certificate was found for the chosen gains; F or M is nearly unstable"
-                    .to_owned(),
-            );
+            warnings
+                .push("there is no Lyapunov certificate of the gains; F or M is nearly unstable".to_owned());
         }
         Ok(Self {
             options: options.clone(),
+            gains: gains.clone(),
             plant,
-            main: synthesis.design,
-            source: synthesis.source,
-            isolation,
+            main,
+            isolation: IsolationDesign { members, estimators },
             certificate,
             warnings,
         })
+    }
+}
+
+/// The plant of options without a mistake.
+pub(super) fn checked_plant(options: &ReducedOrderObserverOptions) -> Result<Plant, ConstructionError> {
+    let plant = options.checked_plant()?;
+    match plant.actuators() {
+        count if count > MAX_FAULTS => Err(ConstructionError::TooManyFaults {
+            count,
+            limit: MAX_FAULTS,
+        }),
+        _ => Ok(plant),
     }
 }

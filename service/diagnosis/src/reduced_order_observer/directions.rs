@@ -1,7 +1,8 @@
 //! Test directions: the rows of W (method sheet 3.8, rules 1 to 3).
 //!
 //! Any set of directions is sound, because thresholds are supports of the unreduced set; the facet normals of the
-//! steady set make the test exact. For p >= 4 only the outputs and the blind directions are used.
+//! steady set make the test exact. For p >= 4 there are too many of them; directions that tell single faults best
+//! (rule 4) come from linear programs and are handed in.
 
 use super::{plant::Plant, reach::Reach};
 use crate::decomposition::SingularDecomposition;
@@ -17,9 +18,15 @@ const LONGEST: usize = 6;
 /// Outputs up to which facet normals are used.
 pub const MAX_FACET_OUTPUTS: usize = 3;
 
-/// The rows of W, unit vectors: the outputs, then, with `set`, the directions that do not see the disturbance and
-/// the facet normals; never more than `limit`, but always all outputs.
-pub fn test_directions(plant: &Plant, reach: &Reach, set: bool, limit: usize) -> DMatrix<f64> {
+/// The rows of W, unit vectors: the outputs, then, with `set`, the directions that do not see the disturbance, the
+/// facet normals and the `further` ones (length p); never more than `limit`, but always all outputs.
+pub fn test_directions(
+    plant: &Plant,
+    reach: &Reach,
+    set: bool,
+    further: &[DVector<f64>],
+    limit: usize,
+) -> DMatrix<f64> {
     let p = plant.outputs();
     let mut rows: Vec<DVector<f64>> = DMatrix::<f64>::identity(p, p)
         .column_iter()
@@ -27,13 +34,13 @@ pub fn test_directions(plant: &Plant, reach: &Reach, set: bool, limit: usize) ->
         .collect();
     if set {
         let d1 = plant.d.rows(0, p).into_owned();
-        for blind in null_space(&d1)
-            .column_iter()
-            .chain(facet_normals(plant, reach).column_iter())
-        {
-            let known = rows.iter().any(|row| row.dot(&blind).abs() > PARALLEL);
+        let (blind, facets) = (null_space(&d1), facet_normals(plant, reach));
+        let columns = blind.column_iter().chain(facets.column_iter());
+        let others = columns.map(|column| column.into_owned());
+        for direction in others.chain(further.iter().cloned()) {
+            let known = rows.iter().any(|row| row.dot(&direction).abs() > PARALLEL);
             if !known && rows.len() < limit {
-                rows.push(blind.into_owned());
+                rows.push(direction);
             }
         }
     }

@@ -119,6 +119,14 @@ pub enum ConstructionError {
         /// What was wrong with the candidates; what to do.
         reason: String,
     },
+    /// Gains that do not fulfil a condition they must fulfil.
+    #[error("`{key}` is refused: {reason}; design the gains again")]
+    GainsRefused {
+        /// Dotted path of the entry of the gains.
+        key: String,
+        /// The condition, and by how much it is violated.
+        reason: String,
+    },
     /// More channels than a record holds.
     #[error(
         "the diagnoser would have {count} channels but a record holds {limit}; reduce `bounds.max_directions`"
@@ -144,6 +152,7 @@ impl ConstructionError {
     pub fn key(&self) -> String {
         match self {
             Self::Table(error) => return error.key(),
+            Self::GainsRefused { key, .. } => return key.clone(),
             Self::EmptyBox { lower_key, .. } => lower_key,
             Self::OutOfRange { key, .. }
             | Self::Missing { key, .. }

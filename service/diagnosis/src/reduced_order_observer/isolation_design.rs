@@ -1,10 +1,11 @@
 //! Members that do not react to one actuator, and estimators of one fault (method sheet 3.9). M = 0.
 
 use super::{
+    closed_form::closed_form,
     decoupling::Decoupling,
-    gains::closed_form,
+    gains::{EstimatorGains, MemberGains},
     observer::{Decoupled, Observer},
-    observer_design::{ObserverDesign, blind_rows, check_convergence, reach},
+    observer_design::{ObserverDesign, blind_rows, convergence_reason, reach},
     options::ReducedOrderObserverOptions,
     plant::{Plant, beside},
     synthesis::spread_poles,
@@ -12,29 +13,28 @@ use super::{
 use nalgebra::DMatrix;
 
 /// F of members and estimators may be as slow as this.
-const SLOWEST: f64 = 1.0 - 1e-9;
+pub(super) const SLOWEST: f64 = 1.0 - 1e-9;
 
-/// The observers beside the main one.
+/// The gains of the observers beside the main one.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct IsolationDesign {
+pub(super) struct IsolationGains {
     /// At most one per actuator: its rows do not react to that actuator's fault.
-    pub members: Vec<ObserverDesign>,
+    pub members: Vec<MemberGains>,
     /// At most one per actuator: one row φ, φ (y - ẑ1) is the fault one sample ago, up to the row's half width.
-    pub estimators: Vec<ObserverDesign>,
+    pub estimators: Vec<EstimatorGains>,
     /// Actuators without member or estimator, and why.
     pub warnings: Vec<String>,
 }
 
-/// Designs all members and estimators that the plant admits.
-pub fn design_isolation(plant: &Plant, options: &ReducedOrderObserverOptions) -> IsolationDesign {
+/// The gains of all members and estimators that the plant admits.
+pub(super) fn find_isolation_gains(plant: &Plant, options: &ReducedOrderObserverOptions) -> IsolationGains {
     let isolation = &options.isolation;
-    let mut out = IsolationDesign::default();
+    let mut out = IsolationGains::default();
     let poles = match isolation.poles.as_slice() {
         [one] => spread_poles(*one, plant.hidden()),
         all => all.to_vec(),
     };
     for actuator in 0..plant.actuators() {
-        let own = plant.b.columns(actuator, 1).into_owned();
         // A member needs an output more than its unknown inputs, an estimator as many.
         for (spare, kind) in [(1, "member"), (0, "estimator")] {
             // With one actuator there is nothing to isolate.
@@ -47,11 +47,7 @@ pub fn design_isolation(plant: &Plant, options: &ReducedOrderObserverOptions) ->
                 continue;
             }
             let attempt = |with_disturbances: bool| {
-                let u = if with_disturbances {
-                    beside(&own, &plant.d)
-                } else {
-                    own.clone()
-                };
+                let u = unknown_inputs(plant, actuator, with_disturbances);
                 if plant.outputs() < u.ncols() + spare {
                     return Err(format!("{} outputs do not suffice", plant.outputs()));
                 }
@@ -73,8 +69,8 @@ pub fn design_isolation(plant: &Plant, options: &ReducedOrderObserverOptions) ->
                 first => first,
             };
             match found {
-                Ok(design) if spare == 1 => out.members.push(design),
-                Ok(design) => out.estimators.push(design),
+                Ok(design) if spare == 1 => out.members.push(MemberGains::new(&design, actuator)),
+                Ok(design) => out.estimators.push(EstimatorGains::new(&design, actuator)),
                 Err(reason) => out
                     .warnings
                     .push(format!("actuator {actuator} has no {kind}: {reason}")),
@@ -82,6 +78,12 @@ pub fn design_isolation(plant: &Plant, options: &ReducedOrderObserverOptions) ->
         }
     }
     out
+}
+
+/// U: the column of an actuator's fault, with or without those of the disturbances beside it.
+pub(super) fn unknown_inputs(plant: &Plant, actuator: usize, disturbances: bool) -> DMatrix<f64> {
+    let own = plant.b.columns(actuator, 1).into_owned();
+    if disturbances { beside(&own, &plant.d) } else { own }
 }
 
 /// The observer that keeps the columns of `u` out of z2, with the rows that do not see them (`member`) or with the
@@ -106,7 +108,9 @@ fn decoupled_observer(
         actuator: Some(actuator),
     };
     let observer = Observer::new(plant, k, DMatrix::zeros(p, p), decoupled);
-    check_convergence(&observer, SLOWEST)?;
+    if let Some((_, reason)) = convergence_reason(&observer, SLOWEST) {
+        return Err(reason);
+    }
     let reach = reach(plant, &observer)?;
     let rows = match member {
         true => blind_rows(&decoupling.u1),

@@ -102,7 +102,7 @@ impl ReducedOrderObserver {
             work: Workspace::new(plant.states(), plant.outputs(), filters.iter()),
             idle: state.clone(),
             state,
-            format: StateFormat::new("reduced_order_observer", STATE_VERSION, options),
+            format: StateFormat::new("reduced_order_observer", STATE_VERSION, &(options, &design.gains)),
             description: Description {
                 method: "reduced_order_observer",
                 channels: describe(design)?,

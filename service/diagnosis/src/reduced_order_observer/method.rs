@@ -1,16 +1,18 @@
 //! From the tables of a configuration to the diagnoser.
 
 use super::{
+    achieved::achieved,
     baseline::BaselineObserver,
     design::Design,
+    gains::ReducedOrderObserverGains,
     joint::ReducedOrderObserver,
     observer_design::ObserverDesign,
-    options::{Mode, ReducedOrderObserverOptions},
+    options::{Gains, Mode, NamedM, ObserverM, ReducedOrderObserverOptions},
+    synthesis::find_gains,
 };
 use crate::{
-    achieved::Achieved,
     diagnoser::Diagnoser,
-    gains::{FoundGains, NoGains},
+    gains::FoundGains,
     method::{Designed, MethodOptions, Refusal},
 };
 use nalgebra::{DMatrix, DVector};
@@ -18,7 +20,7 @@ use nalgebra::{DMatrix, DVector};
 impl MethodOptions for ReducedOrderObserverOptions {
     const METHOD: &'static str = "reduced_order_observer";
 
-    type Gains = NoGains;
+    type Gains = ReducedOrderObserverGains;
 
     fn signal_counts(&self) -> (usize, usize) {
         (self.model.c.len(), self.model.b.first().map_or(0, Vec::len))
@@ -47,18 +49,46 @@ impl MethodOptions for ReducedOrderObserverOptions {
         Ok(self.check()?)
     }
 
-    fn find_gains(&self, _sample_time_s: f64) -> Result<FoundGains<NoGains>, Refusal> {
-        Ok(FoundGains::closed_form(NoGains {}))
+    fn needs_solver(&self) -> Option<Refusal> {
+        let refusal = |key: &str, word: &str| {
+            let reason = format!(
+                "`{key}` = \"{word}\" asks for gains that only a solver finds; take gains from a file, or from a closed \
+                 form"
+            );
+            Some(Refusal::new(key, &reason))
+        };
+        let design = &self.design;
+        match (design.gains, &design.observer_m) {
+            (Gains::H2 | Gains::Lmi, _) => refusal("design.gains", design.gains.name()),
+            (_, ObserverM::Named(NamedM::Lmi)) => refusal("design.observer_M", NamedM::Lmi.name()),
+            _ => None,
+        }
     }
 
-    fn with_gains(&self, _sample_time_s: f64, _gains: &NoGains) -> Result<Designed, Refusal> {
-        let design = Design::new(self)?;
+    fn find_gains(&self, _sample_time_s: f64) -> Result<FoundGains<Self::Gains>, Refusal> {
+        Ok(find_gains(self)?)
+    }
+
+    fn with_gains(&self, sample_time_s: f64, gains: &Self::Gains) -> Result<Designed, Refusal> {
+        let mut design = Design::with_gains(self, gains)?;
+        let mut settled = Vec::new();
         let diagnoser: Box<dyn Diagnoser> = match self.bounds.mode {
             Mode::Joint => Box::new(ReducedOrderObserver::new(&design)?),
-            Mode::Paper | Mode::Tiom => Box::new(BaselineObserver::new(&design)?),
+            Mode::Paper | Mode::Tiom => {
+                let diagnoser = BaselineObserver::new(&design)?;
+                match diagnoser.settled_half_widths() {
+                    Some(widths) => settled = widths,
+                    None => design.warnings.push(
+                        "the half widths of this `bounds.mode` grow without limit; choose another M or a larger \
+                         `bounds.generator_order`"
+                            .to_owned(),
+                    ),
+                }
+                Box::new(diagnoser)
+            }
         };
         Ok(Designed {
-            achieved: Achieved::default(),
+            achieved: achieved(&design, &settled, sample_time_s),
             diagnoser,
             notes: notes(&design),
             warnings: design.warnings,
@@ -70,7 +100,7 @@ impl MethodOptions for ReducedOrderObserverOptions {
 fn notes(design: &Design) -> Vec<(&'static str, String)> {
     let main = &design.main;
     let mut notes = vec![
-        ("gains", design.source.clone()),
+        ("gains", design.gains.main.source.clone()),
         ("K", matrix(&main.observer.k)),
         ("M", matrix(&main.observer.m)),
         ("eigenvalues of F", eigenvalues(main)),
@@ -89,11 +119,11 @@ fn notes(design: &Design) -> Vec<(&'static str, String)> {
         ));
     }
     if let Some(certificate) = &design.certificate {
-        let weight = format!(
-            "delta {:e}, largest change {:e}",
-            certificate.delta, certificate.decrease
+        let margins = format!(
+            "smallest eigenvalue {:e}, largest change {:e}",
+            certificate.smallest, certificate.decrease
         );
-        notes.push(("Lyapunov certificate", weight));
+        notes.push(("Lyapunov certificate", margins));
     }
     for (kind, designs) in [
         ("isolation member", &design.isolation.members),

@@ -20,11 +20,15 @@
 //! | U | `Decoupling` | n x qu | unknown inputs that an observer keeps out of z2 |
 //! | φ | an estimator's row | 1 x p | first row of (C U)⁺ |
 //! | d | `generator_order` | | columns of a reduced set |
+//! | P | `Certificate::p` | n x n | Lyapunov certificate of K and M |
 
+mod achieved;
+mod achieved_faults;
 mod baseline;
 mod baseline_construction;
 pub mod certificate;
 mod channels;
+pub mod closed_form;
 pub mod decoupling;
 pub mod design;
 pub mod directions;
@@ -51,6 +55,7 @@ mod start;
 mod state_interval;
 pub mod synthesis;
 mod test_row;
+mod verification;
 mod workspace;
 
 pub use baseline::BaselineObserver;

@@ -39,6 +39,8 @@ pub struct Observer {
     pub a_e: DMatrix<f64>,
     /// D_e = \[D1; D2 + K D1\], n x q.
     pub d_e: DMatrix<f64>,
+    /// What does not reach z2.
+    pub decoupled: Decoupled,
 }
 
 impl Observer {
@@ -71,6 +73,7 @@ impl Observer {
             a12,
             input,
             d_e,
+            decoupled,
         }
     }
 

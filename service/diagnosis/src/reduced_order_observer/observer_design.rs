@@ -1,7 +1,10 @@
 //! An observer with its tests and their tables: everything about it that data do not change.
 
-use super::{directions::null_space, floors::fault_floors, observer::Observer, plant::Plant, reach::Reach};
-use crate::{decomposition::eigenvalues, spectrum::spectral_radius};
+use super::{
+    directions::null_space, floors::fault_floors, observer::Observer, options::ReducedOrderObserverOptions,
+    plant::Plant, reach::Reach,
+};
+use crate::decomposition::eigenvalues;
 use nalgebra::{Complex, DMatrix, DVector};
 
 /// An observer, the set its errors reach, its test rows and their half widths.
@@ -68,17 +71,34 @@ impl ObserverDesign {
     }
 }
 
-/// Whether the observer converges fast enough: ρ(F) <= `limit` and ρ(M) < 1; the reason otherwise.
-pub(super) fn check_convergence(observer: &Observer, limit: f64) -> Result<(), String> {
-    let radius = |matrix| spectral_radius(matrix).unwrap_or(f64::INFINITY);
-    let (f, m) = (radius(&observer.f), radius(&observer.m));
+/// The largest |eig F| that the main observer may have.
+pub(super) fn convergence_limit(options: &ReducedOrderObserverOptions) -> f64 {
+    options.design.spectral_radius_max + 1e-9
+}
+
+/// The largest modulus of the eigenvalues; infinite if they cannot be computed, as those of very large numbers.
+pub(super) fn largest_modulus(matrix: &DMatrix<f64>) -> f64 {
+    let moduli =
+        eigenvalues(matrix).map(|values| values.iter().map(|value| value.norm()).collect::<Vec<_>>());
+    match moduli {
+        Some(moduli) if moduli.iter().all(|modulus| modulus.is_finite()) => {
+            moduli.into_iter().fold(0.0, f64::max)
+        }
+        _ => f64::INFINITY,
+    }
+}
+
+/// Which of K and M keeps the observer from converging fast enough, ρ(F) <= `limit` and ρ(M) < 1, and why; `None` if
+/// it converges.
+pub(super) fn convergence_reason(observer: &Observer, limit: f64) -> Option<(&'static str, String)> {
+    let (f, m) = (largest_modulus(&observer.f), largest_modulus(&observer.m));
     if !(f <= limit) {
-        return Err(format!("|eig F| reaches {f:.6}, above {limit}"));
+        return Some(("K", format!("|eig F| reaches {f:.6}, above {limit}")));
     }
     if !(m < 1.0) {
-        return Err(format!("|eig M| reaches {m:.6}, M must be Schur"));
+        return Some(("M", format!("|eig M| reaches {m:.6}, M must be Schur")));
     }
-    Ok(())
+    None
 }
 
 /// Rows that do not see the columns of `unseen` (p x qu): orthonormal.

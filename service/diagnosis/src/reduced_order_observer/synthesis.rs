@@ -1,155 +1,305 @@
-//! The choice of K and M for the main observer (method sheet 3.2, 3.6).
+//! The choice of K and M for the main observer among candidates, and all gains that follow (method sheet 3.2, 3.6).
+//!
+//! Candidates come from closed forms here; whoever has a solver adds its own and further test rows.
 
 use super::{
+    certificate::Certificate,
+    closed_form::{closed_form, is_free},
     decoupling::Decoupling,
-    directions::test_directions,
+    design::checked_plant,
+    directions::{MAX_FACET_OUTPUTS, test_directions},
     error::ConstructionError,
-    gains::{closed_form, is_free},
+    floors::fault_floors,
+    gains::{MainGains, ReducedOrderObserverGains},
+    isolation_design::{IsolationGains, find_isolation_gains},
     observer::{Decoupled, Observer},
-    observer_design::{ObserverDesign, check_convergence, reach},
-    options::{Gains, NamedM, Objective, ObserverM, ReducedOrderObserverOptions, Test},
+    observer_design::{ObserverDesign, convergence_limit, convergence_reason, reach},
+    options::{Gains, Mode, NamedM, Objective, ObserverM, ReducedOrderObserverOptions, Test},
     plant::Plant,
+    reach::Reach,
 };
-use crate::tables::shaped_matrix;
-use nalgebra::DMatrix;
+use crate::{gains::FoundGains, tables::shaped_matrix};
+use nalgebra::{DMatrix, DVector};
 
 /// Eigenvalues of F that `gains = "auto"` tries.
 const TRIED_POLES: [f64; 6] = [0.0, 0.2, 0.4, 0.6, 0.8, 0.9];
+/// A later candidate must be better by this share: rounding does not choose.
+const BETTER: f64 = 1.0 - 1e-9;
 
-/// Accepted gains and where they come from.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Synthesis {
-    /// The main observer.
-    pub design: ObserverDesign,
-    /// Which candidate it is.
-    pub source: String,
-    /// What is accepted but deserves a second look.
-    pub warnings: Vec<String>,
-}
+/// Further test rows for an observer, unit vectors of length p: method sheet 3.8, rule 4.
+pub type Directions<'a> = dyn FnMut(&Observer, &Reach) -> Vec<DVector<f64>> + 'a;
 
 /// A gain before its acceptance.
-struct Candidate {
-    source: String,
-    gain: Result<DMatrix<f64>, String>,
+#[derive(Clone, Debug, PartialEq)]
+pub struct Candidate {
+    /// Where it comes from.
+    pub source: String,
+    /// K, nz x p, or why there is none.
+    pub k: Result<DMatrix<f64>, String>,
 }
 
-/// Chooses the gains of the main observer as configured.
+/// A gain after its acceptance.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Accepted {
+    /// Where it comes from.
+    pub source: String,
+    /// The observer.
+    pub design: ObserverDesign,
+}
+
+/// The problem: a plant whose assumptions hold, and what is asked for.
+#[derive(Clone, Debug)]
+pub struct Synthesis<'a> {
+    /// What is asked for.
+    pub options: &'a ReducedOrderObserverOptions,
+    /// The plant in the coordinates x' = T_c x.
+    pub plant: Plant,
+    /// All decoupling gains of the main observer.
+    pub decoupling: Decoupling,
+}
+
+/// Finds all gains without a solver.
 ///
 /// # Errors
 /// [`ConstructionError`]: an assumption of method sheet 3.1 does not hold, or no gain is accepted.
-pub fn synthesise(
-    plant: &Plant,
+pub fn find_gains(
     options: &ReducedOrderObserverOptions,
-) -> Result<Synthesis, ConstructionError> {
-    let decoupling = Decoupling::new(plant, &plant.d)?;
-    let mut warnings = Vec::new();
-    let m = observer_m(plant, options, &mut warnings)?;
-    let candidates = candidates(plant, &decoupling, options, &mut warnings)?;
-    let mut best: Option<(f64, ObserverDesign, String)> = None;
-    let mut refused = Vec::new();
-    for Candidate { source, gain } in candidates {
-        match gain.and_then(|k| accept(plant, &decoupling, &k, &m, options)) {
-            Ok(design) => {
-                let value = objective(&design, options);
-                if best.as_ref().is_none_or(|(least, ..)| value < *least) {
-                    best = Some((value, design, source));
-                }
-            }
-            Err(reason) => refused.push(format!("{source}: {reason}")),
+) -> Result<FoundGains<ReducedOrderObserverGains>, ConstructionError> {
+    let synthesis = Synthesis::new(options)?;
+    let (accepted, refused) = synthesis.accept_all(
+        synthesis.closed_forms(),
+        &synthesis.configured_m()?,
+        &mut |_, _| Vec::new(),
+    );
+    let best = synthesis
+        .smallest(accepted)
+        .ok_or_else(|| synthesis.rejected(&refused))?;
+    let mut found = synthesis.complete(best);
+    let warnings = synthesis.missed_without_solver();
+    found.warnings.splice(0..0, warnings);
+    Ok(found)
+}
+
+impl<'a> Synthesis<'a> {
+    /// Checks the options and the assumptions of method sheet 3.1.
+    ///
+    /// # Errors
+    /// The first [`ConstructionError`] found.
+    pub fn new(options: &'a ReducedOrderObserverOptions) -> Result<Self, ConstructionError> {
+        let plant = checked_plant(options)?;
+        let decoupling = Decoupling::new(&plant, &plant.d)?;
+        Ok(Self {
+            options,
+            plant,
+            decoupling,
+        })
+    }
+
+    /// M as configured; zero where it is to come from the paper's inequality.
+    ///
+    /// # Errors
+    /// [`ConstructionError::Table`].
+    pub fn configured_m(&self) -> Result<DMatrix<f64>, ConstructionError> {
+        let p = self.plant.outputs();
+        match &self.options.design.observer_m {
+            ObserverM::Named(NamedM::Zero | NamedM::Lmi) => Ok(DMatrix::zeros(p, p)),
+            ObserverM::Matrix(rows) => Ok(shaped_matrix(
+                "design.observer_M",
+                rows,
+                (p, p),
+                "outputs x outputs",
+            )?),
         }
     }
-    match best {
-        Some((_, design, source)) => Ok(Synthesis {
-            design,
-            source,
-            warnings,
-        }),
-        None => Err(ConstructionError::SynthesisRejected {
-            key: match options.design.gains {
+
+    /// Whether there is more than one decoupling gain; else it is K0.
+    pub fn has_choice(&self) -> bool {
+        self.plant.hidden() > 0 && self.decoupling.free.ncols() > 0
+    }
+
+    /// Whether combinations of outputs are tested by more than facets can say: method sheet 3.8, rule 4.
+    pub fn lacks_facets(&self) -> bool {
+        let bounds = &self.options.bounds;
+        bounds.mode == Mode::Joint
+            && bounds.tests.contains(&Test::Set)
+            && self.plant.outputs() > MAX_FACET_OUTPUTS
+    }
+
+    /// What the options ask for that only a solver finds.
+    fn missed_without_solver(&self) -> Vec<String> {
+        let design = &self.options.design;
+        let mut warnings = Vec::new();
+        if design.observer_m == ObserverM::Named(NamedM::Lmi) {
+            warnings.push(
+                "`design.observer_M` = \"lmi\" needs a solver that is not at hand; M = 0 is used".to_owned(),
+            );
+        }
+        if matches!(design.gains, Gains::H2 | Gains::Lmi) && self.has_choice() {
+            warnings.push(format!(
+                "`design.gains` = \"{}\" needs a solver that is not at hand; the best closed-form gains are used",
+                design.gains.name()
+            ));
+        }
+        if self.lacks_facets() {
+            warnings.push(format!(
+                "`bounds.tests`: with {} outputs the set is tested by the outputs and the directions blind to the \
+                 disturbance only; directions that tell faults best need a solver that is not at hand",
+                self.plant.outputs()
+            ));
+        }
+        warnings
+    }
+
+    /// The gains that need no solver, in the order in which equal ones are preferred.
+    pub fn closed_forms(&self) -> Vec<Candidate> {
+        let design = &self.options.design;
+        let given = || Candidate {
+            source: "given K".to_owned(),
+            k: shaped_matrix(
+                "design.K",
+                design.k.as_deref().unwrap_or_default(),
+                (self.plant.hidden(), self.plant.outputs()),
+                "unmeasured states x outputs",
+            )
+            .map_err(|error| error.to_string()),
+        };
+        let placed = |poles: &[f64]| Candidate {
+            source: format!("closed form with poles {poles:?}"),
+            k: closed_form(&self.decoupling, poles).map_err(|error| error.to_string()),
+        };
+        match design.gains {
+            Gains::Given => vec![given()],
+            Gains::ClosedForm => vec![placed(design.poles.as_deref().unwrap_or_default())],
+            Gains::Auto | Gains::H2 | Gains::Lmi => {
+                let mut all = vec![Candidate {
+                    source: "K0".to_owned(),
+                    k: Ok(self.decoupling.k0.clone()),
+                }];
+                if is_free(&self.decoupling) {
+                    let poles = |pole| spread_poles(pole, self.plant.hidden());
+                    all.extend(TRIED_POLES.iter().map(|pole| placed(&poles(*pole))));
+                }
+                if design.gains == Gains::Auto && design.k.is_some() {
+                    all.push(given());
+                }
+                all
+            }
+        }
+    }
+
+    /// Projection, convergence and tables of one candidate (method sheet 3.6); the reason of a refusal.
+    ///
+    /// # Errors
+    /// The condition that does not hold, in words.
+    pub fn accept(
+        &self,
+        candidate: Candidate,
+        m: &DMatrix<f64>,
+        directions: &mut Directions<'_>,
+    ) -> Result<Accepted, String> {
+        let k = self.decoupling.project(&candidate.k?);
+        if !self.decoupling.is_decoupled(&k) {
+            return Err("K D1 + D2 does not vanish after projection".to_owned());
+        }
+        let decoupled = Decoupled {
+            disturbances: true,
+            actuator: None,
+        };
+        let observer = Observer::new(&self.plant, k, m.clone(), decoupled);
+        if let Some((_, reason)) = convergence_reason(&observer, convergence_limit(self.options)) {
+            return Err(reason);
+        }
+        let reach = reach(&self.plant, &observer)?;
+        let set = self.options.bounds.tests.contains(&Test::Set);
+        let further = match set {
+            true => directions(&observer, &reach),
+            false => Vec::new(),
+        };
+        let most = self.options.bounds.max_directions;
+        let tests = test_directions(&self.plant, &reach, set, &further, most);
+        Ok(Accepted {
+            source: candidate.source,
+            design: ObserverDesign::new(observer, reach, tests, None),
+        })
+    }
+
+    /// The accepted ones of some candidates, and why the others are not.
+    pub fn accept_all(
+        &self,
+        candidates: Vec<Candidate>,
+        m: &DMatrix<f64>,
+        directions: &mut Directions<'_>,
+    ) -> (Vec<Accepted>, Vec<String>) {
+        let (mut accepted, mut refused) = (Vec::new(), Vec::new());
+        for candidate in candidates {
+            let source = candidate.source.clone();
+            match self.accept(candidate, m, directions) {
+                Ok(found) => accepted.push(found),
+                Err(reason) => refused.push(format!("{source}: {reason}")),
+            }
+        }
+        (accepted, refused)
+    }
+
+    /// The error when no candidate is accepted, with the reasons.
+    pub fn rejected(&self, reasons: &[String]) -> ConstructionError {
+        ConstructionError::SynthesisRejected {
+            key: match self.options.design.gains {
                 Gains::Given => "design.K",
                 Gains::ClosedForm => "design.poles",
                 Gains::Auto | Gains::H2 | Gains::Lmi => "design.spectral_radius_max",
             },
             reason: format!(
                 "{}; allow a larger `design.spectral_radius_max` below 1 or choose other gains",
-                refused.join("; ")
+                reasons.join("; ")
             ),
-        }),
-    }
-}
-
-/// M as configured; zero with a warning where the paper's inequality is asked for.
-fn observer_m(
-    plant: &Plant,
-    options: &ReducedOrderObserverOptions,
-    warnings: &mut Vec<String>,
-) -> Result<DMatrix<f64>, ConstructionError> {
-    let p = plant.outputs();
-    match &options.design.observer_m {
-        ObserverM::Named(NamedM::Zero) => Ok(DMatrix::zeros(p, p)),
-        ObserverM::Named(NamedM::Lmi) => {
-            warnings.push(
-                "`design.observer_M` = \"lmi\" needs a solver that is not at hand; M = 0 is used".to_owned(),
-            );
-            Ok(DMatrix::zeros(p, p))
         }
-        ObserverM::Matrix(rows) => Ok(shaped_matrix(
-            "design.observer_M",
-            rows,
-            (p, p),
-            "outputs x outputs",
-        )?),
     }
-}
 
-/// The gains to choose from, in the order in which equal ones are preferred.
-fn candidates(
-    plant: &Plant,
-    decoupling: &Decoupling,
-    options: &ReducedOrderObserverOptions,
-    warnings: &mut Vec<String>,
-) -> Result<Vec<Candidate>, ConstructionError> {
-    let design = &options.design;
-    let given = || {
-        let shape = (plant.hidden(), plant.outputs());
-        let rows = design.k.as_deref().unwrap_or_default();
-        shaped_matrix("design.K", rows, shape, "unmeasured states x outputs").map(|k| Candidate {
-            source: "given K".to_owned(),
-            gain: Ok(k),
-        })
-    };
-    let placed = |poles: &[f64]| Candidate {
-        source: format!("closed form with poles {poles:?}"),
-        gain: closed_form(decoupling, poles).map_err(|error| error.to_string()),
-    };
-    match design.gains {
-        Gains::Given => Ok(vec![given()?]),
-        Gains::ClosedForm => Ok(vec![placed(design.poles.as_deref().unwrap_or_default())]),
-        Gains::Auto | Gains::H2 | Gains::Lmi => {
-            if let Some(name) = match design.gains {
-                Gains::H2 => Some("h2"),
-                Gains::Lmi => Some("lmi"),
-                _ => None,
-            } {
-                warnings.push(format!(
-                    "`design.gains` = \"{name}\" needs a solver that is not at hand; the best closed-form gains are used"
-                ));
+    /// The one with the smallest objective; of nearly equal ones the first.
+    pub fn smallest(&self, accepted: impl IntoIterator<Item = Accepted>) -> Option<Accepted> {
+        let mut best: Option<(f64, Accepted)> = None;
+        for found in accepted {
+            let value = self.objective(&found.design);
+            if best.as_ref().is_none_or(|(least, _)| value < BETTER * *least) {
+                best = Some((value, found));
             }
-            let mut all = vec![Candidate {
-                source: "K0".to_owned(),
-                gain: Ok(decoupling.k0.clone()),
-            }];
-            if is_free(decoupling) {
-                all.extend(
-                    TRIED_POLES
-                        .iter()
-                        .map(|pole| placed(&spread_poles(*pole, plant.hidden()))),
-                );
+        }
+        best.map(|(_, found)| found)
+    }
+
+    /// What the choice minimises. Without noise many floors are zero; the rounding tolerance of the test orders them.
+    pub fn objective(&self, design: &ObserverDesign) -> f64 {
+        match self.options.design.objective {
+            Objective::Width => design.hull().sum(),
+            Objective::FaultFloor => {
+                let steady = design.steady().add_scalar(self.options.bounds.rounding_tolerance);
+                let floors = fault_floors(&design.observer, &design.tests, &steady);
+                let scale = self.options.design.fault_scale.as_deref().unwrap_or_default();
+                let weighted = floors.iter().enumerate();
+                weighted
+                    .map(|(j, floor)| floor / scale.get(j).copied().unwrap_or(1.0))
+                    .fold(0.0, f64::max)
             }
-            if design.gains == Gains::Auto && design.k.is_some() {
-                all.push(given()?);
-            }
-            Ok(all)
+        }
+    }
+
+    /// All gains, with the certificate of the chosen ones and with members and estimators.
+    pub fn complete(&self, chosen: Accepted) -> FoundGains<ReducedOrderObserverGains> {
+        let isolates = self.options.bounds.mode == Mode::Joint && self.options.isolation.enabled;
+        let isolation = match isolates {
+            true => find_isolation_gains(&self.plant, self.options),
+            false => IsolationGains::default(),
+        };
+        let certificate = Certificate::find(&self.plant, &chosen.design.observer);
+        let certificate = certificate.map(|(_, certificate)| certificate);
+        FoundGains {
+            warnings: isolation.warnings,
+            ..FoundGains::closed_form(ReducedOrderObserverGains {
+                main: MainGains::new(&chosen.design, chosen.source, certificate.as_ref()),
+                members: isolation.members,
+                estimators: isolation.estimators,
+            })
         }
     }
 }
@@ -157,44 +307,4 @@ fn candidates(
 /// ρ (1 - 0.1 l) for l = 0, 1, ...: distinct eigenvalues up to ρ.
 pub(super) fn spread_poles(largest: f64, count: usize) -> Vec<f64> {
     (0..count).map(|l| largest * (1.0 - 0.1 * l as f64)).collect()
-}
-
-/// Projection, convergence and tables of one candidate (method sheet 3.6); the reason of a refusal.
-fn accept(
-    plant: &Plant,
-    decoupling: &Decoupling,
-    k: &DMatrix<f64>,
-    m: &DMatrix<f64>,
-    options: &ReducedOrderObserverOptions,
-) -> Result<ObserverDesign, String> {
-    let k = decoupling.project(k);
-    if !decoupling.is_decoupled(&k) {
-        return Err("K D1 + D2 does not vanish after projection".to_owned());
-    }
-    let decoupled = Decoupled {
-        disturbances: true,
-        actuator: None,
-    };
-    let observer = Observer::new(plant, k, m.clone(), decoupled);
-    check_convergence(&observer, options.design.spectral_radius_max + 1e-9)?;
-    let reach = reach(plant, &observer)?;
-    let set = options.bounds.tests.contains(&Test::Set);
-    let tests = test_directions(plant, &reach, set, options.bounds.max_directions);
-    Ok(ObserverDesign::new(observer, reach, tests, None))
-}
-
-/// What the choice minimises. Without noise many floors are zero; the rounding tolerance of the test orders them.
-fn objective(design: &ObserverDesign, options: &ReducedOrderObserverOptions) -> f64 {
-    match options.design.objective {
-        Objective::Width => design.hull().sum(),
-        Objective::FaultFloor => {
-            let steady = design.steady().add_scalar(options.bounds.rounding_tolerance);
-            let floors = super::floors::fault_floors(&design.observer, &design.tests, &steady);
-            let scale = options.design.fault_scale.as_deref().unwrap_or_default();
-            let weighted = floors.iter().enumerate();
-            weighted
-                .map(|(j, floor)| floor / scale.get(j).copied().unwrap_or(1.0))
-                .fold(0.0, f64::max)
-        }
-    }
 }

@@ -7,6 +7,7 @@ mod support;
 mod claims;
 mod design_facts;
 mod fixtures;
+mod gains;
 mod mistakes;
 mod noise_missing_reference;
 mod properties;

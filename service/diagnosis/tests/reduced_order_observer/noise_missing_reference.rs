@@ -132,7 +132,7 @@ fn the_fault_estimate_agrees_and_contains_the_fault_of_one_sample_ago() {
     let file = file("servo_noise_missing.json");
     let design = design(&options(&file));
     let [estimator] = design.isolation.estimators.as_slice() else {
-        panic!("{:?}", design.isolation.warnings)
+        panic!("{:?}", design.warnings)
     };
     let observer = &file["fault_observer"];
     assert_close(

@@ -1,6 +1,6 @@
 //! What can go wrong in an identification.
 
-use crate::linear_program::LinearProgramError;
+use crate::conic::SolverError;
 use crate::unknown_input_filter::floors::FloorError;
 use thiserror::Error;
 
@@ -100,7 +100,7 @@ pub enum IdentifyError {
         /// Name of the run.
         run: String,
         /// What the solver said.
-        source: LinearProgramError,
+        source: SolverError,
     },
     /// The solver's trajectory does not fulfil the model.
     #[error(

@@ -5,7 +5,7 @@ use super::run_data::{Piece, cut};
 use super::trajectory::{Goal, Plant, TrajectoryError};
 use super::{IdentifyError, IdentifyOptions, RunData};
 use crate::bounds::{NoiseBounds, round_up};
-use crate::linear_program::LinearProgramError;
+use crate::conic::SolverError;
 use crate::unknown_input_filter::floors::{FloorQuestion, solve};
 use nalgebra::DVector;
 use residual_diagnosis::model::LinearModel;
@@ -128,7 +128,7 @@ impl<'a> Evaluator<'a> {
                     scales = scales.sup(&need.disturbances);
                     used = used.sup(&(need.noise * (1.0 - NOISE_RESERVE)));
                 }
-                Err(TrajectoryError::Solver(error @ LinearProgramError::Infeasible { .. })) => {
+                Err(TrajectoryError::Solver(error @ SolverError::Infeasible { .. })) => {
                     let need = self
                         .plant
                         .explain(piece, &Goal::NoiseFactor(noise))

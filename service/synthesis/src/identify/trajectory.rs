@@ -4,7 +4,8 @@
 //! and the scales that are minimised. Elements with w = 0 stay at zero; A⁺ counts as zero.
 
 use super::run_data::Piece;
-use crate::linear_program::{LinearProgram, LinearProgramError, Solution};
+use crate::conic::SolverError;
+use crate::linear_program::{LinearProgram, Solution};
 use nalgebra::{DMatrix, DVector};
 use residual_diagnosis::model::LinearModel;
 
@@ -37,7 +38,7 @@ pub(super) struct Need {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum TrajectoryError {
     /// The solver did not get there.
-    Solver(LinearProgramError),
+    Solver(SolverError),
     /// The solver's trajectory misses the model.
     Unverified { residual: f64, status: String },
 }
@@ -184,7 +185,7 @@ impl<'a> Plant<'a> {
         if !finite || worst > EQUALITY_TOLERANCE {
             return Err(TrajectoryError::Unverified {
                 residual: worst,
-                status: solution.status.clone(),
+                status: solution.run.status.clone(),
             });
         }
         let mut needed = DVector::zeros(self.model.disturbance_count());

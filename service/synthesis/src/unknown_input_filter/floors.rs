@@ -13,7 +13,8 @@
 //! | F | columns of B of the mode |
 
 use crate::bounds::NoiseBounds;
-use crate::linear_program::{LinearProgram, LinearProgramError, SOLVER, TOLERANCE as SOLVER_TOLERANCE};
+use crate::conic::SolverError;
+use crate::linear_program::LinearProgram;
 use crate::unknown_input_filter::window_equalities::{Multipliers, WindowEqualities};
 use nalgebra::{DMatrix, DVector};
 use residual_diagnosis::gains::SolverRun;
@@ -113,7 +114,7 @@ pub enum FloorError {
         /// The actuator.
         actuator: usize,
         /// What the solver said.
-        source: LinearProgramError,
+        source: SolverError,
     },
     /// The solver's point does not pass the check.
     #[error(
@@ -209,11 +210,11 @@ pub fn solve(
 
     let actuator = question.actuator;
     let solution = program.solve().map_err(|source| match source {
-        LinearProgramError::Unbounded { .. } => FloorError::Unlimited { actuator },
+        SolverError::Unbounded { .. } => FloorError::Unlimited { actuator },
         source => FloorError::Solver { actuator, source },
     })?;
-    let gain = -solution.objective;
-    let gap = (solution.objective - solution.dual_objective).abs() / gain.max(1.0);
+    let gain = -solution.run.objective;
+    let gap = (solution.run.objective - solution.run.dual_objective).abs() / gain.max(1.0);
     let accurate = |error: f64| {
         if error <= TOLERANCE {
             Ok(())
@@ -221,7 +222,7 @@ pub fn solve(
             Err(FloorError::Inaccurate {
                 actuator,
                 error,
-                status: solution.status.clone(),
+                status: solution.run.status.clone(),
             })
         }
     };
@@ -242,12 +243,7 @@ pub fn solve(
             "largest response to fault {actuator}, mode {}, window of {n} transitions",
             question.mode
         ),
-        solver: SOLVER.to_owned(),
-        status: solution.status,
-        iterations: solution.iterations,
-        objective: solution.objective,
-        dual_objective: solution.dual_objective,
-        tolerance: SOLVER_TOLERANCE,
+        ..solution.run
     };
     Ok(Some(FloorSolution {
         gain,

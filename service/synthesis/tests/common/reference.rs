@@ -3,24 +3,14 @@
 use residual_diagnosis::model::{LinearModel, ModelOptions};
 use residual_diagnosis::unknown_input_filter::modes::FaultMode;
 use serde_json::Value;
-use std::path::PathBuf;
 
-/// A reference file: beside the workspace, or else the copy in the diagnosis crate.
+#[path = "files.rs"]
+mod files;
+pub use files::{list, reference_of};
+
+/// A reference file of the unknown input filter.
 pub fn reference(name: &str) -> Value {
-    let workspace = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let places = [
-        "../shared/reference/unknown_input_filter",
-        "service/diagnosis/tests/reference/unknown_input_filter",
-    ];
-    let path = places
-        .map(|place| workspace.join(place).join(name))
-        .into_iter()
-        .find(|path| path.exists());
-    serde_json::from_str(&std::fs::read_to_string(path.unwrap()).unwrap()).unwrap()
-}
-
-pub fn list<T: serde::de::DeserializeOwned>(value: &Value) -> Vec<T> {
-    serde_json::from_value(value.clone()).unwrap()
+    reference_of("unknown_input_filter", name)
 }
 
 /// The model in the notation of the reference files.
