@@ -189,6 +189,18 @@ impl<'a> Inspection<'a> {
             if let Some(radius) = &mode.fixed_radius {
                 add("settled radius of the set with L_fix alone", radius);
             }
+            let entry = self
+                .gains
+                .of(mode.mode)
+                .and_then(|(_, entry)| entry.fixed.as_ref());
+            norms.extend(entry.map(|gain| Norm {
+                name: format!(
+                    "sum of the magnitudes of L_fix, mode {}",
+                    self.describe(mode.mode)
+                ),
+                value: gain.iter().flatten().map(|value| value.abs()).sum(),
+                lower_bound: None,
+            }));
         }
         norms
     }
