@@ -27,6 +27,7 @@ pub mod packets;
 pub mod reduced_order_observer;
 pub mod response;
 pub mod riccati;
+pub mod rounding;
 pub mod spectrum;
 pub mod state;
 pub mod tables;

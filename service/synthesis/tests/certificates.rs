@@ -11,9 +11,19 @@ use residual_diagnosis::unknown_input_filter::certificate::ParityCertificate;
 use residual_diagnosis::unknown_input_filter::modes::{FaultMode, enumerate_modes};
 use residual_diagnosis::unknown_input_filter::parity::ParityTest;
 use residual_diagnosis::unknown_input_filter::parity_window::ParityWindow;
-use residual_synthesis::certificates::{CertificateOptions, Designed, FailureReason, design};
-use residual_synthesis::floors::FloorError;
+use residual_synthesis::unknown_input_filter::certificates::{
+    CertificateOptions, Designed, FailureReason, design as design_with,
+};
+use residual_synthesis::unknown_input_filter::floors::FloorError;
 use serde_json::Value;
+
+fn design(
+    model: &LinearModel,
+    modes: &[FaultMode],
+    options: &CertificateOptions,
+) -> Result<Designed, FloorError> {
+    design_with(model, modes, options, &mut |_| ())
+}
 
 fn options(lengths: &[usize], pre_samples: usize, nominal: DVector<f64>) -> CertificateOptions {
     CertificateOptions {

@@ -9,7 +9,7 @@ use reference_files::{aircraft, mode, plant, reference};
 use residual_diagnosis::model::LinearModel;
 use residual_diagnosis::unknown_input_filter::modes::FaultMode;
 use residual_synthesis::bounds::NoiseBounds;
-use residual_synthesis::floors::{FloorError, FloorQuestion, solve};
+use residual_synthesis::unknown_input_filter::floors::{FloorError, FloorQuestion, solve};
 use serde_json::Value;
 
 fn check_floors(file: &Value, model: &LinearModel) -> usize {

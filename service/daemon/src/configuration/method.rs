@@ -2,8 +2,6 @@
 
 use super::deserialise::{keys_of, read};
 use super::locate::Mistakes;
-#[cfg(feature = "synthesis")]
-use super::parity_design::with_parity_tests;
 use super::schema::Method;
 use residual_diagnosis::async_imm::options::AsyncImmTables;
 use residual_diagnosis::chi_square::ChiSquareOptions;
@@ -14,6 +12,8 @@ use residual_diagnosis::method::{Designed, MethodOptions, Refusal};
 use residual_diagnosis::reduced_order_observer::options::ReducedOrderObserverOptions;
 use residual_diagnosis::response::Response;
 use residual_diagnosis::unknown_input_filter::tables::UnknownInputFilterTables;
+#[cfg(feature = "synthesis")]
+use residual_synthesis::unknown_input_filter;
 use serde::Serialize;
 use std::ops::Range;
 use toml::de::DeTable;
@@ -122,10 +122,12 @@ impl MethodConfiguration {
     pub fn find_gains(
         &self,
         sample_time_s: f64,
-        _progress: &mut dyn FnMut(&str),
+        progress: &mut dyn FnMut(&str),
     ) -> Result<FoundGains<Table>, Refusal> {
         match self {
-            Self::UnknownInputFilter(tables) => tabulated(tables.find_gains(sample_time_s)?),
+            Self::UnknownInputFilter(tables) => {
+                tabulated(unknown_input_filter::find_gains(tables, sample_time_s, progress)?)
+            }
             Self::ReducedOrderObserver(tables) => tabulated(tables.find_gains(sample_time_s)?),
             Self::AsyncImm(tables) => tabulated(tables.find_gains(sample_time_s)?),
             Self::HinfFilter(tables) => tabulated(tables.find_gains(sample_time_s)?),
@@ -151,16 +153,7 @@ impl MethodConfiguration {
     /// # Errors
     /// The first condition that does not hold; its key begins with `gains` where the gains are to blame.
     pub fn with_gains(&self, sample_time_s: f64, gains: &Table) -> Result<Designed, Refusal> {
-        match self {
-            #[cfg(feature = "synthesis")]
-            Self::UnknownInputFilter(tables) => with_parity_tests(tables, sample_time_s),
-            #[cfg(not(feature = "synthesis"))]
-            Self::UnknownInputFilter(tables) => constructed(tables, sample_time_s, gains),
-            Self::ReducedOrderObserver(tables) => constructed(tables, sample_time_s, gains),
-            Self::AsyncImm(tables) => constructed(tables, sample_time_s, gains),
-            Self::HinfFilter(tables) => constructed(tables, sample_time_s, gains),
-            Self::ChiSquare(tables) => constructed(tables, sample_time_s, gains),
-        }
+        for_each_method!(self, tables => constructed(tables, sample_time_s, gains))
     }
 
     /// How residuals answer to disturbances and faults at each frequency, with these gains; empty where a method has

@@ -8,7 +8,6 @@
 //! | `validate` | from sections to [`Configuration`] |
 //! | [`load`] | the whole way |
 //! | [`method`], [`build`], [`gains`] | the diagnosis methods, their gains, and the construction of the diagnosers |
-//! | `parity_design`, `parity_words` | parity tests of a bank, and what their design says to people |
 //! | `warnings` | what is accepted but deserves a second look |
 //!
 //! `deploy/config/README.md` documents every key, `deploy/config/vtol.toml` is a complete example.
@@ -20,10 +19,6 @@ pub mod gains;
 pub mod load;
 mod locate;
 pub mod method;
-#[cfg(feature = "synthesis")]
-mod parity_design;
-#[cfg(feature = "synthesis")]
-mod parity_words;
 mod refusal;
 mod schema;
 mod suggest;
