@@ -11,7 +11,7 @@ use std::sync::OnceLock;
 use tempfile::TempDir;
 use toml::{Table, Value};
 
-/// Two actuators, two states, both measured; twice, the second time without tests over windows.
+/// Two actuators, two states, both measured; and a servo.
 const SMALL: &str = r#"
 [daemon]
 instance = "small"
@@ -38,21 +38,26 @@ lengths = [1, 2]
 fault_bound = [1, 1]
 [[diagnoser]]
 name = "second"
-method = "unknown_input_filter"
+method = "reduced_order_observer"
 sample_time_s = 0.2
 measurements = ["plant.y0", "plant.y1"]
-commands = ["plant.u0", "plant.u1"]
+commands = ["plant.u0"]
 [diagnoser.model]
-A = [[0.8, 0], [0, 0.8]]
-B = [[1, 0], [0, 1]]
-C = [[1, 0], [0, 1]]
-measurement_noise_bound = [0.1, 0.1]
-[diagnoser.filter]
-fault_of_interest = [1, 1]
-[diagnoser.parity]
-lengths = []
-[diagnoser.missing]
-fault_bound = [1, 1]
+A = [[0.49, 0.10, 0.06], [-0.32, 0.95, -0.23], [-0.25, -0.06, 0.63]]
+B = [[0.4], [0.4], [0.5]]
+C = [[1, 0, 0], [0, 1, 0]]
+D = [[-0.1], [0.2], [-0.1]]
+initial_state_lower = [-1, -1, -1]
+initial_state_upper = [1, 1, 1]
+disturbance_lower = [-1.0]
+disturbance_upper = [1.0]
+measurement_noise_bound = [0.01, 0.01]
+[diagnoser.design]
+gains = "closed_form"
+poles = [0.5]
+[diagnoser.isolation]
+poles = [0.5]
+fault_bound = [10.0]
 "#;
 
 /// A directory with a configuration, and possibly its gains.
@@ -175,16 +180,19 @@ fn each_number(value: &Value, change: &dyn Fn(f64) -> f64) -> Vec<Value> {
     }
 }
 
-/// The good file with one part of the first entry after another changed.
-fn spoilt(part: &str, change: &dyn Fn(f64) -> f64) -> Vec<String> {
+/// The good file with one number of a part of an entry after another changed; with the diagnoser's name.
+fn spoilt(part: &str, change: &dyn Fn(f64) -> f64) -> Vec<(&'static str, String)> {
     let table: Table = good().parse().unwrap();
-    let values = each_number(&table["diagnoser"][0][part], change);
-    let put = |value: Value| {
-        edited(|table| {
-            entry(table, 0).insert(part.to_owned(), value);
-        })
-    };
-    values.into_iter().map(put).collect()
+    let mut files = Vec::new();
+    for (index, name) in ["loop", "second"].into_iter().enumerate() {
+        for value in each_number(&table["diagnoser"][index][part], change) {
+            let file = edited(|table| {
+                entry(table, index).insert(part.to_owned(), value);
+            });
+            files.push((name, file));
+        }
+    }
+    files
 }
 
 /// A clear change of any number.
@@ -333,10 +341,10 @@ fn no_altered_gain_is_accepted() {
 fn no_altered_figure_is_accepted_and_each_is_named_with_both_values() {
     let altered = spoilt("achieved", &other);
     assert!(!altered.is_empty(), "no figure is stated");
-    for gains in &altered {
+    for (name, gains) in &altered {
         let words = refused(gains).unwrap_or_else(|| panic!("accepted:\n{gains}"));
         for part in [
-            "the gains of `loop` do not achieve what the file states",
+            format!("the gains of `{name}` do not achieve what the file states").as_str(),
             "is stated as",
             "the gains give",
         ] {
@@ -349,10 +357,10 @@ fn no_altered_figure_is_accepted_and_each_is_named_with_both_values() {
 fn numbers_that_are_none_are_refused_wherever_they_stand() {
     for part in ["gains", "achieved"] {
         for bad in [f64::NAN, f64::INFINITY] {
-            for gains in spoilt(part, &|_| bad) {
+            for (_, gains) in spoilt(part, &|_| bad) {
                 let words = refused(&gains).unwrap_or_else(|| panic!("accepted:\n{gains}"));
                 assert!(
-                    words.contains(&format!("{bad}")) && words.contains("diagnoser.0."),
+                    words.contains(&format!("{bad}")) && words.contains("diagnoser."),
                     "{words}"
                 );
             }

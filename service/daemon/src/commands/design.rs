@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
-use miette::Diagnostic;
+use miette::{Diagnostic, IntoDiagnostic as _};
 use residual_diagnosis::gains::error::GainsError;
 use residual_diagnosis::gains::file::{BEGINNING, GainsFile, TOLERANCE, VERSION};
 use time::OffsetDateTime;
@@ -17,6 +17,7 @@ use time::format_description::well_known::Rfc3339;
 use crate::configuration::build::Design;
 use crate::configuration::gains::{parse_gains, read};
 use crate::configuration::{Configuration, ConfigurationError, Loaded};
+use crate::plot;
 
 /// What `residuald design` takes.
 #[derive(Debug, Args)]
@@ -27,6 +28,10 @@ pub struct DesignArguments {
     /// configuration's own path with the ending `.gains.toml`.
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// Draw the design into SVG files in this directory as well: singular values against frequency, width of the
+    /// bounds against time, detectable fault against delay.
+    #[arg(long, value_name = "DIRECTORY")]
+    pub plot: Option<PathBuf>,
 }
 
 /// Why no gains were written.
@@ -75,6 +80,10 @@ pub fn execute(arguments: &DesignArguments) -> miette::Result<()> {
     let text = gains_text(&design, &command(arguments))?;
     progress.show("", "reading back what was found");
     accept(&loaded, &output, &text)?;
+    let plots = match &arguments.plot {
+        Some(directory) => draw(&loaded.configuration, &design, directory, &progress)?,
+        None => Vec::new(),
+    };
     progress.end();
     for entry in &design.entries {
         for warning in &entry.warnings {
@@ -84,6 +93,9 @@ pub fn execute(arguments: &DesignArguments) -> miette::Result<()> {
     if to_file {
         write_whole(&output, &text)?;
         println!("{}", written(&design, &output));
+        for plot in &plots {
+            println!("{}", plot.display());
+        }
     } else {
         let all = io::stdout().lock().write_all(text.as_bytes());
         all.map_err(|reason| DesignError::Write { path: output, reason })?;
@@ -106,6 +118,25 @@ pub fn gains_text(design: &Design, command: &str) -> Result<String, DesignError>
         diagnoser: design.entries.clone(),
     };
     Ok(file.to_text(command)?)
+}
+
+/// Draws the design of every diagnoser; returns the files.
+fn draw(
+    configuration: &Configuration,
+    design: &Design,
+    directory: &Path,
+    progress: &Progress,
+) -> miette::Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    let built = design.entries.iter().zip(&design.diagnosers);
+    for (diagnoser, (entry, designed)) in configuration.diagnosers.iter().zip(built) {
+        progress.show(&entry.name, "drawing plots");
+        let responses = diagnoser.method.responses(entry.sample_time_s, &entry.gains);
+        let responses = responses.into_diagnostic()?;
+        let drawn = plot::write(directory, &entry.name, entry.sample_time_s, designed, &responses);
+        files.extend(drawn.into_diagnostic()?);
+    }
+    Ok(files)
 }
 
 /// Reads back what was found, just as the daemon will: what is accepted here is accepted there.

@@ -10,6 +10,7 @@ use residual_diagnosis::gains::file::hash_of_inputs;
 use residual_diagnosis::hinf_filter::options::HinfFilterOptions;
 use residual_diagnosis::method::{Designed, MethodOptions, Refusal};
 use residual_diagnosis::reduced_order_observer::options::ReducedOrderObserverOptions;
+use residual_diagnosis::response::Response;
 use residual_diagnosis::unknown_input_filter::tables::UnknownInputFilterTables;
 #[cfg(feature = "synthesis")]
 use residual_synthesis::unknown_input_filter;
@@ -55,11 +56,15 @@ fn tabulated<G: Serialize>(found: FoundGains<G>) -> Result<FoundGains<Table>, Re
     })
 }
 
-fn constructed<T: MethodOptions>(tables: &T, sample_time_s: f64, gains: &Table) -> Result<Designed, Refusal> {
-    let gains: T::Gains = Value::Table(gains.clone())
+/// The gains of this method out of a gains file.
+fn gains_of<T: MethodOptions>(_tables: &T, gains: &Table) -> Result<T::Gains, Refusal> {
+    Value::Table(gains.clone())
         .try_into()
-        .map_err(|error: toml::de::Error| Refusal::new("gains", &error.message()))?;
-    tables.with_gains(sample_time_s, &gains)
+        .map_err(|error: toml::de::Error| Refusal::new("gains", &error.message()))
+}
+
+fn constructed<T: MethodOptions>(tables: &T, sample_time_s: f64, gains: &Table) -> Result<Designed, Refusal> {
+    tables.with_gains(sample_time_s, &gains_of(tables, gains)?)
 }
 
 #[cfg(not(feature = "synthesis"))]
@@ -149,6 +154,15 @@ impl MethodConfiguration {
     /// The first condition that does not hold; its key begins with `gains` where the gains are to blame.
     pub fn with_gains(&self, sample_time_s: f64, gains: &Table) -> Result<Designed, Refusal> {
         for_each_method!(self, tables => constructed(tables, sample_time_s, gains))
+    }
+
+    /// How residuals answer to disturbances and faults at each frequency, with these gains; empty where a method has
+    /// no such answer.
+    ///
+    /// # Errors
+    /// The first condition that does not hold.
+    pub fn responses(&self, sample_time_s: f64, gains: &Table) -> Result<Vec<Response>, Refusal> {
+        for_each_method!(self, tables => tables.responses(sample_time_s, &gains_of(tables, gains)?))
     }
 
     /// Fills in names and units of measurements and commands, where the tables state none, with those of the

@@ -104,7 +104,7 @@ mod tests {
 
     fn chart_of(text: &str) -> Chart {
         let loaded = Configuration::from_text("example", text).unwrap();
-        let designed = loaded.build_diagnosers().unwrap().remove(0);
+        let designed = loaded.design(&mut |_, _| ()).unwrap().diagnosers.remove(0);
         chart(
             "example",
             loaded.configuration.diagnosers[0].sample_time_s(),
