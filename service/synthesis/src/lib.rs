@@ -13,5 +13,6 @@ pub mod floors;
 pub mod identify;
 mod lapack;
 pub mod linear_program;
+pub mod reduced_order_observer;
 pub mod semidefinite;
 mod window_equalities;
