@@ -43,8 +43,8 @@ fn main() {
         "method", "diagnoser", "steps", "p50", "p99", "p99.9", "max"
     );
     for scenario in SCENARIOS {
-        let loaded =
-            Configuration::from_text(scenario.name, scenario.configuration).expect("a good configuration");
+        let loaded = Configuration::from_text(scenario.name, scenario.example.configuration)
+            .expect("a good configuration");
         for expectation in scenario.expectations {
             let times = times(&loaded, scenario, expectation.diagnoser);
             println!(
@@ -64,7 +64,8 @@ fn main() {
 /// Step times of one diagnoser of a scenario, alone in its engine.
 fn times(loaded: &residuald::configuration::Loaded, scenario: &Scenario, diagnoser: &str) -> Histogram<u64> {
     let mut configuration = loaded.configuration.clone();
-    let mut built = loaded.build_diagnosers().expect("a good configuration");
+    let built = loaded.on_gains(scenario.name, scenario.example.gains);
+    let mut built = built.expect("gains of this configuration");
     let slot = configuration
         .diagnosers
         .iter()

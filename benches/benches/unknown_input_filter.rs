@@ -18,8 +18,9 @@ type Edit = fn(String) -> String;
 /// The bank of the example configuration after `edit` of its text.
 fn bank(edit: Edit) -> Box<dyn Diagnoser> {
     let loaded = Configuration::from_text("vtol.toml", &edit(CONFIGURATION.into()));
-    let built = loaded.and_then(|loaded| loaded.build_diagnosers());
-    built.expect("a good configuration").remove(0).diagnoser
+    let designed = loaded.and_then(|loaded| loaded.design(&mut |_, _| ()));
+    let mut diagnosers = designed.expect("a good configuration").diagnosers;
+    diagnosers.remove(0).diagnoser
 }
 
 fn step(criterion: &mut Criterion) {

@@ -7,7 +7,9 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand, ValueEnum};
 use miette::{IntoDiagnostic, Report};
 
-use crate::commands::{check, identify, replay, run};
+#[cfg(feature = "synthesis")]
+use crate::commands::identify;
+use crate::commands::{check, design, explain, replay, run};
 use crate::configuration::Configuration;
 use crate::demo::conductor::DemoArguments;
 use crate::demo::publisher::PublisherArguments;
@@ -55,8 +57,24 @@ pub enum Command {
     Demo(DemoArguments),
     /// Replay a recording instead of sensors, in this process or through a running daemon.
     Replay(replay::ReplayArguments),
+    /// Find the gains of a configuration's diagnosers and write them to a gains file.
+    Design(design::DesignArguments),
+    /// Print what the gains of a gains file achieve, as it states it.
+    Explain {
+        /// The gains file.
+        gains: PathBuf,
+    },
     /// Identify disturbance and noise bounds from a fault-free recording.
+    #[cfg(feature = "synthesis")]
     Identify(identify::IdentifyArguments),
+    /// Identify disturbance and noise bounds (not in this program: it was built without the feature `synthesis`).
+    #[cfg(not(feature = "synthesis"))]
+    #[command(disable_help_flag = true)]
+    Identify {
+        /// Anything.
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        arguments: Vec<std::ffi::OsString>,
+    },
     /// The publisher of the demonstration.
     #[command(hide = true)]
     DemoPublisher(PublisherArguments),
@@ -77,7 +95,15 @@ impl CommandLine {
             Command::Check { configuration } => check::execute(&configuration, &mut io::stdout().lock()),
             Command::Demo(arguments) => conductor::execute(&arguments).into_diagnostic(),
             Command::Replay(arguments) => replay::execute(&arguments).map_err(Report::new),
+            Command::Design(arguments) => design::execute(&arguments),
+            Command::Explain { gains } => explain::execute(&gains, &mut io::stdout().lock()),
+            #[cfg(feature = "synthesis")]
             Command::Identify(arguments) => identify::execute(&arguments),
+            #[cfg(not(feature = "synthesis"))]
+            Command::Identify { .. } => Err(miette::miette!(
+                help = "use a program with the default features, for instance `cargo install --path service/daemon`",
+                "this program was built without the feature `synthesis`: it has no solver and cannot identify"
+            )),
             Command::DemoPublisher(arguments) => publisher::execute(&arguments).into_diagnostic(),
             Command::DemoClient(arguments) => {
                 client::execute(&arguments, &mut io::stdout().lock()).into_diagnostic()

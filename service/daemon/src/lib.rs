@@ -7,6 +7,7 @@
 //! | [`runtime`] | the daemon at work: inboxes, schedule, step thread, companion |
 //! | [`replay`] | recordings instead of sensors |
 //! | [`demo`] | publisher, daemon and client of the demonstration |
+//! | [`plot`] | plots of a design |
 //! | [`summary`] | what a run did, in numbers |
 //! | [`logging`] | the log, off the step thread |
 //! | [`cli`], [`commands`] | the command line |
@@ -17,6 +18,7 @@ pub mod commands;
 pub mod configuration;
 pub mod demo;
 pub mod logging;
+pub mod plot;
 pub mod replay;
 pub mod runtime;
 pub mod summary;

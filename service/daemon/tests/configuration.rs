@@ -17,22 +17,6 @@ fn bank(method: &MethodConfiguration) -> &UnknownInputFilterTables {
 }
 
 #[test]
-fn every_example_configuration_loads() {
-    let directory = repository("deploy/config");
-    let mut count = 0;
-    for entry in std::fs::read_dir(directory).unwrap() {
-        let path = entry.unwrap().path();
-        if path.extension().is_some_and(|extension| extension == "toml") {
-            let built =
-                Configuration::from_file(&path).and_then(|loaded| loaded.build_diagnosers().map(|_| ()));
-            built.unwrap_or_else(|error| panic!("{:?}", miette::Report::new(error)));
-            count += 1;
-        }
-    }
-    assert!(count > 0);
-}
-
-#[test]
 fn the_example_is_read_as_it_is_written() {
     let configuration = Configuration::from_text("vtol.toml", VTOL).unwrap().configuration;
     assert_eq!(configuration.daemon.instance.to_string(), "vtol");

@@ -104,6 +104,22 @@ fn tests_of_the_lower_crates_need_nothing_from_above() {
 }
 
 #[test]
+fn the_daemon_without_synthesis_holds_no_solver() {
+    let tree = |features: &[&str]| {
+        let arguments = ["tree", "-p", "residuald", "-e", "normal", "--prefix", "none"];
+        cargo(&[&arguments[..], features].concat())
+    };
+    let (complete, vehicle) = (tree(&[]), tree(&["--no-default-features"]));
+    for solver in ["clarabel", "residual-synthesis"] {
+        assert!(complete.contains(solver), "{complete}");
+        assert!(
+            !vehicle.contains(solver),
+            "`{solver}` without the feature:\n{vehicle}"
+        );
+    }
+}
+
+#[test]
 fn mathematics_and_clients_are_built_without_iceoryx2() {
     for package in ["residual-diagnosis", "residual-client"] {
         let tree = cargo(&["tree", "-p", package, "-e", "normal", "--prefix", "none"]);

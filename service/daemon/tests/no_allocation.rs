@@ -5,6 +5,7 @@ mod support;
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use residual_shared::clock::{DaemonTime, sleep_until_monotonic};
@@ -217,9 +218,11 @@ impl RecordSink for Alarms {
 #[test]
 fn all_methods_together_step_through_losses_bad_samples_and_faults_without_allocating() {
     let scenarios = scenario::of_all_methods();
-    let configurations: Vec<_> = scenarios.iter().map(|scenario| scenario.configuration).collect();
-    let text = compose(&configurations, &"all".parse().unwrap()).unwrap();
-    let loaded = Configuration::from_text("all", &text).unwrap();
+    let examples: Vec<_> = scenarios.iter().map(|scenario| scenario.example).collect();
+    let gains_file = Path::new("all.gains.toml");
+    let composed = compose(&examples, &"all".parse().unwrap(), gains_file).unwrap();
+    let loaded = Configuration::from_text("all", &composed.configuration).unwrap();
+    let diagnosers = loaded.on_gains("all.gains.toml", &composed.gains).unwrap();
     let configuration = &loaded.configuration;
     let variation = Variation {
         seed: 1,
@@ -229,7 +232,7 @@ fn all_methods_together_step_through_losses_bad_samples_and_faults_without_alloc
         .iter()
         .flat_map(|scenario| (scenario.plants)(&variation));
     let emissions: Vec<_> = Merged::new(plants.collect()).collect();
-    let mut engine = assemble(configuration, loaded.build_diagnosers().unwrap(), EPOCH_NS, 1.0);
+    let mut engine = assemble(configuration, diagnosers, EPOCH_NS, 1.0);
     let mut alarms = Alarms(vec![0; configuration.diagnosers.len()]);
     let mut sequences = vec![0; configuration.inputs.len()];
     let mut counted = 0;

@@ -4,6 +4,8 @@
 //! All of it is recomputed from the numbers of the gains whenever a diagnoser is constructed. A gains file states it
 //! as well, so that people can read it and so that gains that were altered are found out.
 
+use crate::decomposition::eigenvalues;
+use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 /// What the gains of one diagnoser achieve on its model.
@@ -70,6 +72,24 @@ pub struct Poles {
     pub time: TimeDomain,
     /// \[real part, imaginary part\] of each, by falling modulus.
     pub values: Vec<[f64; 2]>,
+}
+
+impl Poles {
+    /// The eigenvalues of a matrix; `None` if they cannot be computed.
+    pub fn of(name: String, time: TimeDomain, matrix: &DMatrix<f64>) -> Option<Self> {
+        let mut values: Vec<[f64; 2]> = eigenvalues(matrix)?
+            .iter()
+            .map(|value| [value.re, value.im])
+            .collect();
+        values.sort_by(|a, b| {
+            let modulus = |value: &[f64; 2]| value[0].hypot(value[1]);
+            modulus(b)
+                .total_cmp(&modulus(a))
+                .then(b[0].total_cmp(&a[0]))
+                .then(b[1].total_cmp(&a[1]))
+        });
+        Some(Self { name, time, values })
+    }
 }
 
 /// The time domain of poles.

@@ -3,6 +3,7 @@
 use crate::achieved::Achieved;
 use crate::diagnoser::Diagnoser;
 use crate::gains::FoundGains;
+use crate::response::Response;
 use crate::tables::TableError;
 use serde::{Serialize, de::DeserializeOwned};
 use std::fmt::{self, Debug};
@@ -43,6 +44,15 @@ pub trait MethodOptions: Serialize + DeserializeOwned + Clone + PartialEq + Debu
     /// # Errors
     /// The first condition that does not hold.
     fn with_gains(&self, sample_time_s: f64, gains: &Self::Gains) -> Result<Designed, Refusal>;
+
+    /// How residuals answer to disturbances and faults at each frequency, for methods whose residuals come from a
+    /// time-invariant filter; otherwise empty.
+    ///
+    /// # Errors
+    /// The first condition that does not hold.
+    fn responses(&self, _sample_time_s: f64, _gains: &Self::Gains) -> Result<Vec<Response>, Refusal> {
+        Ok(Vec::new())
+    }
 
     /// Finds the gains without a solver and constructs the diagnoser.
     ///

@@ -188,7 +188,9 @@ fn more_channels_than_a_record_holds_are_refused() {
     );
     let mut with_certificates = options.clone();
     let certificates = certificates(&reference("battery_bank.json"));
-    with_certificates.parity.certificates = Some([certificates.clone(), certificates].concat());
+    let mut longer = certificates.clone();
+    longer.iter_mut().for_each(|certificate| certificate.length += 1);
+    with_certificates.parity.certificates = Some([certificates, longer].concat());
     let model = LinearModel::new(&battery(), 2.0).unwrap();
     let refused = UnknownInputFilterBank::new(model, &with_certificates)
         .err()

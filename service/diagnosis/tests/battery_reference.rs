@@ -3,10 +3,12 @@
 
 mod support;
 
-use nalgebra::DMatrix;
 use residual_diagnosis::{
     diagnoser::{StepRecord, Verdict},
-    unknown_input_filter::{UnknownInputFilterBank, decision::minimal_survivors},
+    model::LinearModel,
+    unknown_input_filter::{
+        UnknownInputFilterBank, decision::minimal_survivors, gains::UnknownInputFilterGains,
+    },
 };
 use serde_json::Value;
 use support::*;
@@ -29,17 +31,21 @@ fn battery_bank(file: &Value, pairs: bool) -> UnknownInputFilterBank {
         options.bank.simultaneous_faults = vec![1, 2];
         options.filter.publish = residual_diagnosis::unknown_input_filter::options::Publish::Worst;
     }
-    let mut bank = bank(&battery(), &options);
-    for (mode, gain) in bank
-        .modes()
-        .to_vec()
-        .into_iter()
-        .zip(file["fixed_gain"].as_array().unwrap())
-    {
-        let gain = DMatrix::from_row_slice(5, 4, &numbers(gain));
-        bank.load_fixed_gain(mode, &gain).unwrap();
+    let model = LinearModel::new(&battery(), 0.01).unwrap();
+    let mut gains = UnknownInputFilterGains::find(&model, &options).unwrap();
+    let reference = rows_of_fixed_gains(file);
+    for (mode, fixed) in gains.modes.iter_mut().zip(reference) {
+        mode.fixed = Some(fixed);
     }
-    bank
+    UnknownInputFilterBank::with_gains(model, &options, &gains).unwrap()
+}
+
+fn rows_of_fixed_gains(file: &Value) -> Vec<Vec<Vec<f64>>> {
+    let gains = file["fixed_gain"].as_array().unwrap();
+    gains
+        .iter()
+        .map(|gain| numbers(gain).chunks(4).map(<[f64]>::to_vec).collect())
+        .collect()
 }
 
 fn modes(file: &Value) -> Vec<String> {

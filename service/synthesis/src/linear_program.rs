@@ -4,6 +4,7 @@
 
 use crate::conic::{ConicProgram, ConicSolution, Rows, SolverError};
 use clarabel::solver::SupportedConeT::{NonnegativeConeT, ZeroConeT};
+use residual_diagnosis::gains::SolverRun;
 
 /// Accuracy asked of the solver, relative and absolute; the check of a solution allows more.
 const TOLERANCE: f64 = 1e-10;
@@ -13,12 +14,9 @@ const TOLERANCE: f64 = 1e-10;
 pub struct Solution {
     /// z.
     pub values: Vec<f64>,
-    /// cost'z.
-    pub objective: f64,
-    /// The dual objective: a lower bound of the smallest cost, as exact as the dual point.
-    pub dual_objective: f64,
-    /// The solver's word.
-    pub status: String,
+    /// The solver's word, cost'z, and the dual objective: a lower bound of the smallest cost, as exact as the dual
+    /// point.
+    pub run: SolverRun,
 }
 
 /// A linear program under construction. Variables are free unless a row restricts them; terms are
@@ -72,12 +70,7 @@ impl LinearProgram {
             tolerance: TOLERANCE,
         };
         let ConicSolution { values, run, .. } = program.solve()?;
-        Ok(Solution {
-            values,
-            objective: run.objective,
-            dual_objective: run.dual_objective,
-            status: run.status,
-        })
+        Ok(Solution { values, run })
     }
 }
 
@@ -95,7 +88,9 @@ mod tests {
         program.at_most([(x, 1.0)], 2.0);
         let solution = program.solve().unwrap();
         assert!((solution.values[0] - 2.0).abs() < 1e-8 && (solution.values[1] - 1.0).abs() < 1e-8);
-        assert!((solution.objective - 4.0).abs() < 1e-8 && (solution.dual_objective - 4.0).abs() < 1e-8);
+        assert!(
+            (solution.run.objective - 4.0).abs() < 1e-8 && (solution.run.dual_objective - 4.0).abs() < 1e-8
+        );
     }
 
     #[test]

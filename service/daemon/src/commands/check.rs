@@ -1,13 +1,15 @@
 //! `residuald check`: what a configuration means, or what is wrong with it.
 
+use super::achieved::{false_alarms, norm, smallest_faults, smallest_margin};
+use super::lines::Lines;
 use crate::configuration::{
     Configuration, DaemonSection, DiagnoserConfiguration, InputConfiguration, RealtimeSection,
     SignalReference,
 };
 use miette::IntoDiagnostic;
 use nix::sys::statfs::{TMPFS_MAGIC, statfs};
+use residual_diagnosis::achieved::Achieved;
 use residual_diagnosis::method::Designed;
-use std::fmt::Write as _;
 use std::io::Write;
 use std::path::Path;
 
@@ -71,6 +73,13 @@ fn daemon(lines: &mut Lines, daemon: &DaemonSection) {
     lines.entry("catch-up limit", format!("{} steps", daemon.catch_up_limit));
     lines.entry("record queue", format!("{} records", daemon.record_queue));
     lines.entry("log", &daemon.log);
+    lines.entry(
+        "gains",
+        match &daemon.gains_file {
+            Some(path) => format!("from {}, verified", path.display()),
+            None => "designed now; `residuald design` writes them to a file".to_owned(),
+        },
+    );
 }
 
 fn realtime(lines: &mut Lines, realtime: RealtimeSection) {
@@ -138,6 +147,7 @@ fn diagnoser(
     for (name, value) in &built.notes {
         lines.entry(name, value);
     }
+    achieved(lines, &built.achieved);
     let channels: Vec<_> = description
         .channels
         .iter()
@@ -146,6 +156,30 @@ fn diagnoser(
     lines.entry(&format!("{} channels", channels.len()), channels.join(", "));
     for warning in &built.warnings {
         lines.warning(warning);
+    }
+}
+
+/// What the gains achieve, in short; `residuald explain` says all of it.
+fn achieved(lines: &mut Lines, achieved: &Achieved) {
+    for norm in &achieved.norms {
+        lines.entry("norm", self::norm(norm));
+    }
+    if let Some(margin) = smallest_margin(achieved) {
+        lines.entry("conditions", margin);
+    }
+    if !achieved.faults.is_empty() {
+        lines.entry("detected", smallest_faults(&achieved.faults));
+    }
+    if let Some(alarms) = &achieved.false_alarms {
+        lines.entry("false alarms", false_alarms(alarms));
+    }
+    for threshold in &achieved.thresholds {
+        if let Some(reason) = &threshold.never_fires {
+            lines.warning(&format!(
+                "the channel `{}` never fires: {reason}",
+                threshold.channel
+            ));
+        }
     }
 }
 
@@ -196,49 +230,6 @@ fn duration(nanoseconds: u64) -> String {
     }
 }
 
-/// Width of the column of names.
-const NAME_WIDTH: usize = 18;
-
-/// Width of the report.
-const LINE_WIDTH: usize = 110;
-
-/// The report under construction.
-#[derive(Default)]
-struct Lines {
-    text: String,
-    warnings: usize,
-}
-
-impl Lines {
-    fn heading(&mut self, heading: String) {
-        self.text += &heading;
-        self.text.push('\n');
-    }
-
-    fn entry(&mut self, name: &str, value: impl AsRef<str>) {
-        self.wrapped(name, value.as_ref());
-    }
-
-    fn warning(&mut self, warning: &str) {
-        self.warnings += 1;
-        self.wrapped("warning:", warning);
-    }
-
-    /// Name and value in two columns, the value broken at spaces.
-    fn wrapped(&mut self, name: &str, value: &str) {
-        let mut line = format!("  {name:NAME_WIDTH$}");
-        for word in value.split(' ') {
-            if line.chars().count() + 1 + word.chars().count() > LINE_WIDTH {
-                let _ = writeln!(self.text, "{line}");
-                line = format!("  {:NAME_WIDTH$}", "");
-            }
-            line.push(' ');
-            line += word;
-        }
-        let _ = writeln!(self.text, "{line}");
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -247,20 +238,5 @@ mod tests {
     fn durations_are_written_in_a_fitting_unit() {
         let written = [0, 250, 10_000, 2_500_000, 1_000_000_000].map(duration);
         assert_eq!(written, ["0 s", "250 ns", "10 µs", "2.5 ms", "1 s"]);
-    }
-
-    #[test]
-    fn long_lists_are_broken_below_their_beginning() {
-        let mut lines = Lines::default();
-        lines.entry("channels", "a_rather_long_channel_name, ".repeat(8).trim_end());
-        assert!(lines.text.lines().count() > 2);
-        assert!(lines.text.lines().all(|line| line.chars().count() <= LINE_WIDTH));
-        assert!(
-            lines
-                .text
-                .lines()
-                .skip(1)
-                .all(|line| line.starts_with(&" ".repeat(NAME_WIDTH + 3)))
-        );
     }
 }

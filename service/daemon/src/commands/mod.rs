@@ -1,6 +1,11 @@
 //! What the subcommands do.
 
+mod achieved;
 pub mod check;
+pub mod design;
+pub mod explain;
+#[cfg(feature = "synthesis")]
 pub mod identify;
+mod lines;
 pub mod replay;
 pub mod run;

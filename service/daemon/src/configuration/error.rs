@@ -99,6 +99,15 @@ pub(super) struct Source {
     pub text: Arc<str>,
 }
 
+impl Source {
+    pub fn new(name: &str, text: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            text: text.into(),
+        }
+    }
+}
+
 /// Line and column (in characters) of a byte, both from 1.
 pub(super) fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
     let before = text.get(..offset.min(text.len())).unwrap_or("");

@@ -6,7 +6,7 @@ use super::locate::{Document, Mistakes};
 use super::schema;
 use super::validate::{self, refuse_duplicates};
 use super::{Configuration, DiagnoserConfiguration, InputConfiguration, MethodConfiguration};
-use residual_diagnosis::method::{Designed, Refusal};
+use residual_diagnosis::method::Designed;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::OnceLock;
@@ -19,8 +19,8 @@ pub struct Loaded {
     /// The configuration in force.
     pub configuration: Configuration,
     pub(super) source: Source,
-    /// The off-line design of each diagnoser, from its first construction on.
-    pub(super) designs: OnceLock<Vec<Result<Designed, Refusal>>>,
+    /// The diagnosers, from their first construction on.
+    pub(super) built: OnceLock<Vec<Designed>>,
 }
 
 impl Configuration {
@@ -46,28 +46,32 @@ impl Configuration {
                 offset,
             }
         })?;
-        Self::from_text(&path.display().to_string(), &text)
+        let directory = path.parent().unwrap_or(Path::new(""));
+        Self::from_text_in(directory, &path.display().to_string(), &text)
     }
 
-    /// Checks the text of a configuration; `name` is what mistakes call it.
+    /// Checks the text of a configuration; `name` is what mistakes call it. Paths in it are seen from the working
+    /// directory.
     ///
     /// # Errors
     /// [`ConfigurationError::Mistakes`] with as many mistakes as can be seen at once.
     pub fn from_text(name: &str, text: &str) -> Result<Loaded, ConfigurationError> {
-        let source = Source {
-            name: name.to_owned(),
-            text: text.into(),
-        };
-        let configuration = load(&source)?;
+        Self::from_text_in(Path::new(""), name, text)
+    }
+
+    /// Checks the text of a configuration whose paths are seen from `directory`.
+    fn from_text_in(directory: &Path, name: &str, text: &str) -> Result<Loaded, ConfigurationError> {
+        let source = Source::new(name, text);
+        let configuration = load(&source, directory)?;
         Ok(Loaded {
             configuration,
             source,
-            designs: OnceLock::new(),
+            built: OnceLock::new(),
         })
     }
 }
 
-fn load(source: &Source) -> Result<Configuration, ConfigurationError> {
+fn load(source: &Source, directory: &Path) -> Result<Configuration, ConfigurationError> {
     let document = Document::parse(source)?;
     let mut mistakes = Mistakes::new(&document);
     let root = document.root.get_ref();
@@ -87,7 +91,7 @@ fn load(source: &Source) -> Result<Configuration, ConfigurationError> {
     }
     let daemon = match table(root, "daemon", &mut mistakes) {
         Some((entries, span)) => read(entries, span, "daemon", &[], &mut mistakes)
-            .and_then(|section| validate::daemon(section, &mut mistakes)),
+            .and_then(|section| validate::daemon(section, directory, &mut mistakes)),
         None => {
             if !root.contains_key("daemon") {
                 mistakes.at_span(

@@ -2,16 +2,22 @@
 
 use super::deserialise::{keys_of, read};
 use super::locate::Mistakes;
-use super::parity_design::with_parity_tests;
 use super::schema::Method;
 use residual_diagnosis::async_imm::options::AsyncImmTables;
 use residual_diagnosis::chi_square::ChiSquareOptions;
+use residual_diagnosis::gains::FoundGains;
+use residual_diagnosis::gains::file::hash_of_inputs;
 use residual_diagnosis::hinf_filter::options::HinfFilterOptions;
 use residual_diagnosis::method::{Designed, MethodOptions, Refusal};
 use residual_diagnosis::reduced_order_observer::options::ReducedOrderObserverOptions;
+use residual_diagnosis::response::Response;
 use residual_diagnosis::unknown_input_filter::tables::UnknownInputFilterTables;
+#[cfg(feature = "synthesis")]
+use residual_synthesis::unknown_input_filter;
+use serde::Serialize;
 use std::ops::Range;
 use toml::de::DeTable;
+use toml::{Table, Value};
 
 /// A method with its model and options.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,6 +47,41 @@ macro_rules! for_each_method {
     };
 }
 
+/// Gains of any method in the form that a gains file holds.
+fn tabulated<G: Serialize>(found: FoundGains<G>) -> Result<FoundGains<Table>, Refusal> {
+    Ok(FoundGains {
+        gains: Table::try_from(&found.gains).map_err(|error| Refusal::new("gains", &error))?,
+        solver: found.solver,
+        warnings: found.warnings,
+    })
+}
+
+/// The gains of this method out of a gains file.
+fn gains_of<T: MethodOptions>(_tables: &T, gains: &Table) -> Result<T::Gains, Refusal> {
+    Value::Table(gains.clone())
+        .try_into()
+        .map_err(|error: toml::de::Error| Refusal::new("gains", &error.message()))
+}
+
+fn constructed<T: MethodOptions>(tables: &T, sample_time_s: f64, gains: &Table) -> Result<Designed, Refusal> {
+    tables.with_gains(sample_time_s, &gains_of(tables, gains)?)
+}
+
+#[cfg(not(feature = "synthesis"))]
+fn without_solver<T: MethodOptions>(tables: &T, sample_time_s: f64) -> Result<FoundGains<Table>, Refusal> {
+    let Some(refusal) = tables.needs_solver() else {
+        return tabulated(tables.find_gains(sample_time_s)?);
+    };
+    let reason = refusal.message.split("; ").next().unwrap_or_default();
+    Err(Refusal {
+        key: refusal.key,
+        message: format!(
+            "{reason}, and this program has no solver; write a gains file with `residuald design` of a program with \
+             the feature `synthesis` and name it in `daemon.gains_file`"
+        ),
+    })
+}
+
 fn name_of<T: MethodOptions>(_tables: &T) -> &'static str {
     T::METHOD
 }
@@ -64,18 +105,64 @@ impl MethodConfiguration {
         for_each_method!(self, tables => tables.validate(sample_time_s))
     }
 
-    /// Checks everything, does the off-line design, constructs the diagnoser.
+    /// Hash of all that the gains depend on.
+    ///
+    /// # Errors
+    /// Numbers that cannot be written.
+    pub fn hash_of_inputs(&self, sample_time_s: f64) -> Result<String, Refusal> {
+        for_each_method!(self, tables => hash_of_inputs(tables, sample_time_s))
+            .map_err(|error| Refusal::new("method", &error))
+    }
+
+    /// Finds the gains: the methods' synthesis. `progress` is told before each longer piece of work.
     ///
     /// # Errors
     /// The first condition that does not hold.
-    pub fn design(&self, sample_time_s: f64) -> Result<Designed, Refusal> {
+    #[cfg(feature = "synthesis")]
+    pub fn find_gains(
+        &self,
+        sample_time_s: f64,
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<FoundGains<Table>, Refusal> {
         match self {
-            Self::UnknownInputFilter(tables) => with_parity_tests(tables, sample_time_s),
-            Self::ReducedOrderObserver(tables) => tables.design(sample_time_s),
-            Self::AsyncImm(tables) => tables.design(sample_time_s),
-            Self::HinfFilter(tables) => tables.design(sample_time_s),
-            Self::ChiSquare(tables) => tables.design(sample_time_s),
+            Self::UnknownInputFilter(tables) => {
+                tabulated(unknown_input_filter::find_gains(tables, sample_time_s, progress)?)
+            }
+            Self::ReducedOrderObserver(tables) => tabulated(tables.find_gains(sample_time_s)?),
+            Self::AsyncImm(tables) => tabulated(tables.find_gains(sample_time_s)?),
+            Self::HinfFilter(tables) => tabulated(tables.find_gains(sample_time_s)?),
+            Self::ChiSquare(tables) => tabulated(tables.find_gains(sample_time_s)?),
         }
+    }
+
+    /// Finds the gains as far as no solver is needed; this program has none.
+    ///
+    /// # Errors
+    /// The first condition that does not hold; gains that need a solver.
+    #[cfg(not(feature = "synthesis"))]
+    pub fn find_gains(
+        &self,
+        sample_time_s: f64,
+        _progress: &mut dyn FnMut(&str),
+    ) -> Result<FoundGains<Table>, Refusal> {
+        for_each_method!(self, tables => without_solver(tables, sample_time_s))
+    }
+
+    /// Constructs the diagnoser on these gains; all that they achieve is recomputed.
+    ///
+    /// # Errors
+    /// The first condition that does not hold; its key begins with `gains` where the gains are to blame.
+    pub fn with_gains(&self, sample_time_s: f64, gains: &Table) -> Result<Designed, Refusal> {
+        for_each_method!(self, tables => constructed(tables, sample_time_s, gains))
+    }
+
+    /// How residuals answer to disturbances and faults at each frequency, with these gains; empty where a method has
+    /// no such answer.
+    ///
+    /// # Errors
+    /// The first condition that does not hold.
+    pub fn responses(&self, sample_time_s: f64, gains: &Table) -> Result<Vec<Response>, Refusal> {
+        for_each_method!(self, tables => tables.responses(sample_time_s, &gains_of(tables, gains)?))
     }
 
     /// Fills in names and units of measurements and commands, where the tables state none, with those of the

@@ -7,8 +7,7 @@
 //! | `deserialise`, `refusal`, `locate` | from text to sections, every mistake with its place |
 //! | `validate` | from sections to [`Configuration`] |
 //! | [`load`] | the whole way |
-//! | [`method`], [`build`] | the diagnosis methods, and the construction of the diagnosers |
-//! | `parity_design`, `parity_words` | parity tests of a bank, and what their design says to people |
+//! | [`method`], [`build`], [`gains`] | the diagnosis methods, their gains, and the construction of the diagnosers |
 //! | `warnings` | what is accepted but deserves a second look |
 //!
 //! `deploy/config/README.md` documents every key, `deploy/config/vtol.toml` is a complete example.
@@ -16,11 +15,10 @@
 pub mod build;
 mod deserialise;
 pub mod error;
+pub mod gains;
 pub mod load;
 mod locate;
 pub mod method;
-mod parity_design;
-mod parity_words;
 mod refusal;
 mod schema;
 mod suggest;
@@ -68,6 +66,8 @@ pub struct DaemonSection {
     pub log: String,
     /// Step records buffered for recorders, >= 1.
     pub record_queue: usize,
+    /// File with the gains of all diagnosers; `None`: they are found at the start.
+    pub gains_file: Option<PathBuf>,
 }
 
 impl DaemonSection {

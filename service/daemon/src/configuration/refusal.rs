@@ -145,7 +145,7 @@ pub(super) fn explain(refusal: &residual_diagnosis::method::Refusal) -> (String,
 }
 
 /// Messages read "what is wrong; what to do".
-fn parts(message: &str) -> (String, String) {
+pub(super) fn parts(message: &str) -> (String, String) {
     let (message, help) = message.split_once("; ").unwrap_or((message, ""));
     (message.to_owned(), help.to_owned())
 }

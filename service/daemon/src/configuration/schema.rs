@@ -25,6 +25,8 @@ pub(super) struct Daemon {
     pub log: String,
     #[serde(default = "default_record_queue")]
     pub record_queue: usize,
+    #[serde(default)]
+    pub gains_file: Option<PathBuf>,
 }
 
 /// A group by name or by number.

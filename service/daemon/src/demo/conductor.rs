@@ -5,7 +5,7 @@ use std::io;
 use clap::Args;
 use residual_shared::names::InstanceNameError;
 
-use super::composition::{CompositionError, compose};
+use super::composition::CompositionError;
 use super::judge::judge;
 use super::scenario::{self, Scenario, Variation};
 use super::stage::Stage;
@@ -87,10 +87,9 @@ fn show(name: &str, scenarios: &[&Scenario], speed: f64, variation: &Variation) 
         println!("\n=== {}: {} ===", scenario.method, scenario.title);
     }
     let names: Vec<_> = scenarios.iter().map(|scenario| scenario.name).collect();
-    let configurations: Vec<_> = scenarios.iter().map(|scenario| scenario.configuration).collect();
+    let examples: Vec<_> = scenarios.iter().map(|scenario| scenario.example).collect();
     let instance = format!("{name}-{}", std::process::id());
-    let configuration = compose(&configurations, &instance.parse()?)?;
-    let (seen, summary) = Stage::open(&instance, &configuration, speed)?.perform(&names, variation)?;
+    let (seen, summary) = Stage::open(&instance, &examples, speed)?.perform(&names, variation)?;
     if judge(scenarios, &seen, &summary) {
         Ok(())
     } else {

@@ -7,7 +7,7 @@
 //! | [`publisher`] | publisher | publishes what the sensors of the chosen scenarios say, each at its time |
 //! | [`client`], [`view`] | client | polls the bounds table, shows what it reads, reports alarms and isolations |
 //! | [`conductor`], [`stage`] | the one that was started | starts the three and waits for them |
-//! | [`composition`] | the one that was started | one configuration out of those of the chosen scenarios |
+//! | [`composition`] | the one that was started | one configuration and one gains file out of those of the chosen scenarios |
 //! | [`judge`] | the one that was started | compares what was seen with what must be, prints the summary |
 
 use std::path::PathBuf;
@@ -24,6 +24,17 @@ pub mod publisher;
 pub mod scenario;
 pub mod stage;
 pub mod view;
+
+/// Configuration and gains of an example in `deploy/config`, by its name.
+macro_rules! example {
+    ($name:literal) => {
+        $crate::demo::composition::Example {
+            configuration: include_str!(concat!("../../../../deploy/config/", $name, ".toml")),
+            gains: include_str!(concat!("../../../../deploy/config/", $name, ".gains.toml")),
+        }
+    };
+}
+pub(crate) use example;
 
 /// Where and when a process of the demonstration plays its part.
 #[derive(Clone, Debug, Args)]

@@ -2,6 +2,8 @@
 
 use clap::Args;
 
+use super::composition::Example;
+use super::example;
 use super::plants::aircraft::{self, Disturbance};
 use super::plants::two_state::{self, Fault};
 use super::plants::{Source, scalar, servo, target};
@@ -25,8 +27,8 @@ pub struct Scenario {
     pub method: &'static str,
     /// What happens, for people.
     pub title: &'static str,
-    /// The configuration: the same file that users start from.
-    pub configuration: &'static str,
+    /// Configuration and gains: the same files that users start from.
+    pub example: Example,
     /// Speed of the daemon's time: seconds of it per second of the clock.
     pub speed: f64,
     /// How long it lasts, seconds of the daemon's time.
@@ -60,7 +62,7 @@ pub const SCENARIOS: &[Scenario] = &[
         name: "aircraft-1",
         method: "unknown_input_filter",
         title: "actuator 1 of an aircraft in hover fails",
-        configuration: include_str!("../../../../deploy/config/vtol.toml"),
+        example: example!("vtol"),
         speed: 1.0,
         duration_s: 4.0,
         plants: |variation| aircraft::sources(1, variation),
@@ -77,7 +79,7 @@ pub const SCENARIOS: &[Scenario] = &[
         name: "aircraft-2",
         method: "unknown_input_filter",
         title: "actuator 2 of an aircraft in hover fails",
-        configuration: include_str!("../../../../deploy/config/vtol.toml"),
+        example: example!("vtol"),
         speed: 1.0,
         duration_s: 4.0,
         plants: |variation| aircraft::sources(2, variation),
@@ -94,7 +96,7 @@ pub const SCENARIOS: &[Scenario] = &[
         name: "servo",
         method: "reduced_order_observer",
         title: "the actuator of a servo gets an offset",
-        configuration: include_str!("../../../../deploy/config/servo.toml"),
+        example: example!("servo"),
         speed: 4.0,
         duration_s: 15.0,
         plants: servo::sources,
@@ -111,7 +113,7 @@ pub const SCENARIOS: &[Scenario] = &[
         name: "target",
         method: "async_imm",
         title: "an actuator of a turning target fails, seen by three sensors without a common clock, with losses",
-        configuration: include_str!("../../../../deploy/config/turning_target.toml"),
+        example: example!("turning_target"),
         speed: 4.0,
         duration_s: 40.0,
         plants: target::sources,
@@ -128,7 +130,7 @@ pub const SCENARIOS: &[Scenario] = &[
         name: "scalar",
         method: "chi_square",
         title: "the sensors of a stable, an unstable and a marginal system fail, softly or hard",
-        configuration: include_str!("../../../../deploy/config/scalar.toml"),
+        example: example!("scalar"),
         speed: 4.0,
         duration_s: 20.0,
         plants: scalar::sources,
@@ -161,7 +163,7 @@ pub const SCENARIOS: &[Scenario] = &[
         name: "two-state-actuator",
         method: "hinf_filter",
         title: "the actuator of a disturbed plant drifts",
-        configuration: include_str!("../../../../deploy/config/two_state.toml"),
+        example: example!("two_state"),
         speed: 2.0,
         duration_s: 20.0,
         plants: |variation| two_state::sources(Fault::ActuatorRamp(0.04), variation),
@@ -178,7 +180,7 @@ pub const SCENARIOS: &[Scenario] = &[
         name: "two-state-sensor",
         method: "hinf_filter",
         title: "the sensor of a disturbed plant is off",
-        configuration: include_str!("../../../../deploy/config/two_state.toml"),
+        example: example!("two_state"),
         speed: 2.0,
         duration_s: 20.0,
         plants: |variation| two_state::sources(Fault::SensorStep(0.2), variation),
@@ -240,7 +242,7 @@ mod tests {
     #[test]
     fn every_scenario_expects_something_of_the_diagnosers_of_its_configuration() {
         for scenario in SCENARIOS {
-            let loaded = Configuration::from_text(scenario.name, scenario.configuration).unwrap();
+            let loaded = Configuration::from_text(scenario.name, scenario.example.configuration).unwrap();
             let diagnosers: Vec<_> = loaded
                 .configuration
                 .diagnosers

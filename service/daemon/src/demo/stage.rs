@@ -1,7 +1,7 @@
 //! The processes of one show: the daemon, and those that play with it.
 
 use std::io::{self, BufRead as _, BufReader, Read as _, Write as _};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -13,6 +13,7 @@ use residual_shared::clock::monotonic_ns;
 use residual_shared::names::{DEFAULT_RUNTIME_DIRECTORY, Instance};
 
 use super::client::{self, Seen};
+use super::composition::{Example, compose};
 use super::conductor::DemoError;
 use super::scenario::Variation;
 use crate::summary::Summary;
@@ -34,14 +35,20 @@ fn process(what: &'static str) -> impl Fn(io::Error) -> DemoError {
 /// The daemon of one show; killed if the show ends before it is stopped in good order.
 pub struct Stage {
     instance: Instance,
+    /// Held for the end of the show only.
+    _gains_file: GainsOfShow,
     program: PathBuf,
     daemon: Child,
 }
 
 impl Stage {
-    /// Starts the daemon with this configuration, its time at this speed.
-    pub fn open(name: &str, configuration: &str, speed: f64) -> Result<Self, DemoError> {
+    /// Starts the daemon with all these configurations in one, its time at this speed.
+    pub fn open(name: &str, examples: &[Example], speed: f64) -> Result<Self, DemoError> {
         let instance = Instance::new(name.parse()?, DEFAULT_RUNTIME_DIRECTORY);
+        let file = Path::new(DEFAULT_RUNTIME_DIRECTORY).join(format!("residuald.{name}.gains.toml"));
+        let composed = compose(examples, &instance.name, &file)?;
+        let gains_file = GainsOfShow(file);
+        std::fs::write(&gains_file.0, &composed.gains).map_err(process("write the gains of the show"))?;
         let program = std::env::current_exe().map_err(process("find this program"))?;
         let mut daemon = Command::new(&program)
             .args(["run", "-", "--summary", "json", "--speed", &speed.to_string()])
@@ -50,12 +57,12 @@ impl Stage {
             .env(crate::logging::FILTER_VARIABLE, "warn")
             .spawn()
             .map_err(process("start the daemon"))?;
-        let written = daemon
-            .stdin
-            .take()
-            .map_or(Ok(()), |mut input| input.write_all(configuration.as_bytes()));
+        let written = daemon.stdin.take().map_or(Ok(()), |mut input| {
+            input.write_all(composed.configuration.as_bytes())
+        });
         let stage = Self {
             instance,
+            _gains_file: gains_file,
             program,
             daemon,
         };
@@ -152,6 +159,15 @@ impl Stage {
             return Err(DemoError::Failed("daemon"));
         }
         serde_json::from_str(&text).map_err(|_| DemoError::NoReport("daemon"))
+    }
+}
+
+/// The gains file of a show; disappears with it.
+struct GainsOfShow(PathBuf);
+
+impl Drop for GainsOfShow {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
     }
 }
 

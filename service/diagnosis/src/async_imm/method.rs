@@ -2,13 +2,13 @@
 
 use super::{
     AsyncImm,
+    achieved::achieved,
     checks::check,
     design::{Mixing, ModeTransition},
     design_error::DesignError,
     options::AsyncImmTables,
     transition::equal_rate,
 };
-use crate::achieved::Achieved;
 use crate::gains::{FoundGains, NoGains};
 use crate::method::{Designed, MethodOptions, Refusal};
 
@@ -57,7 +57,7 @@ impl MethodOptions for AsyncImmTables {
 
     fn with_gains(&self, sample_time_s: f64, _gains: &NoGains) -> Result<Designed, Refusal> {
         let (design, settings) = self.to_design(sample_time_s)?;
-        let diagnoser = AsyncImm::new(&design, settings)?;
+        let diagnoser = AsyncImm::new(&design, settings.clone())?;
         let report = diagnoser.report();
         let name = |mode: usize| design.modes[mode].name.as_str();
         let gaps = report.amplitude_gaps.iter().enumerate();
@@ -94,7 +94,7 @@ impl MethodOptions for AsyncImmTables {
             );
         }
         Ok(Designed {
-            achieved: Achieved::default(),
+            achieved: achieved(&design, &settings, report, sample_time_s),
             diagnoser: Box::new(diagnoser),
             notes,
             warnings,

@@ -22,6 +22,7 @@
 //! There is no guaranteed bound: mixing is a moment-matched approximation, and every probability is conditional on
 //! the modes, Q and R.
 
+mod achieved;
 pub mod batch;
 mod batch_update;
 mod channels;

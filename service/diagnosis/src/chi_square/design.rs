@@ -77,16 +77,17 @@ pub struct Design {
 }
 
 /// A steady engine: detectors empty, filter at zero.
-struct SteadyRun<'a> {
+#[derive(Clone)]
+pub(super) struct SteadyRun<'a> {
     model: &'a StepModel,
-    engine: Engine,
+    pub engine: Engine,
     filter: Filter,
     detectors: Detectors,
     input: Vec<f64>,
 }
 
 impl<'a> SteadyRun<'a> {
-    fn new(model: &'a StepModel, design: EngineDesign, steady: &SteadyState) -> Self {
+    pub fn new(model: &'a StepModel, design: EngineDesign, steady: &SteadyState) -> Self {
         let [n, p, ..] = model.counts();
         Self {
             model,
@@ -97,7 +98,7 @@ impl<'a> SteadyRun<'a> {
         }
     }
 
-    fn step(&mut self, z: &[f64]) {
+    pub fn step(&mut self, z: &[f64]) {
         let Self {
             model,
             engine,

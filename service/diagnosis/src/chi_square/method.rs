@@ -10,7 +10,6 @@ use super::{
     options::{ChiSquareOptions, StatisticKind},
 };
 use crate::{
-    achieved::Achieved,
     diagnoser::Diagnoser,
     gains::{FoundGains, NoGains},
     method::{Designed, MethodOptions, Refusal},
@@ -55,11 +54,11 @@ impl MethodOptions for ChiSquareOptions {
         Ok(FoundGains::closed_form(NoGains {}))
     }
 
-    fn with_gains(&self, _sample_time_s: f64, _gains: &NoGains) -> Result<Designed, Refusal> {
+    fn with_gains(&self, sample_time_s: f64, _gains: &NoGains) -> Result<Designed, Refusal> {
         refuse_external(self)?;
         let diagnoser = ChiSquareDiagnoser::new(self)?;
         Ok(Designed {
-            achieved: Achieved::default(),
+            achieved: diagnoser.achieved(self, sample_time_s),
             notes: notes(self, &diagnoser),
             warnings: diagnoser.design().report.warnings.clone(),
             diagnoser: Box::new(diagnoser),

@@ -25,6 +25,7 @@
 //! at each instant, a calibrated one with the configured probability over a run, provided that model and noise
 //! covariances are right.
 
+mod achieved;
 mod admissibility;
 mod alarm;
 mod calibration;
@@ -46,10 +47,12 @@ mod model_options;
 mod non_centrality;
 mod options;
 mod plant;
+mod power;
 mod propagator;
 mod quadratic_form;
 mod quantile;
 mod random;
+mod sensitivity;
 mod stability;
 mod state;
 mod steady;

@@ -7,6 +7,8 @@ use toml::Value;
 pub(super) struct Difference {
     /// Where, in words: `norms / largest gain from disturbance to residual / value`.
     pub place: String,
+    /// The same as a dotted path: `norms.0.value`.
+    pub key: String,
     /// What the file states.
     pub stated: String,
     /// What the gains give.
@@ -14,71 +16,75 @@ pub(super) struct Difference {
 }
 
 /// Numbers below this are as good as zero: rounding noise differs between machines.
-const NEGLIGIBLE: f64 = 1e-9;
+pub(super) const NEGLIGIBLE: f64 = 1e-9;
 
 /// Compares two values part by part; `tolerance` is relative to the larger number.
 pub(super) fn first_difference(stated: &Value, recomputed: &Value, tolerance: f64) -> Option<Difference> {
-    at("", stated, recomputed, tolerance)
+    at(&Place::default(), stated, recomputed, tolerance)
 }
 
-fn at(place: &str, stated: &Value, recomputed: &Value, tolerance: f64) -> Option<Difference> {
-    let differs = |stated: &Value, recomputed: &Value| {
+/// A place in a value.
+#[derive(Default)]
+struct Place {
+    words: String,
+    key: String,
+}
+
+impl Place {
+    fn below(&self, word: &str, part: &str) -> Self {
+        let join = |begin: &str, separator: &str, end: &str| match begin {
+            "" => end.to_owned(),
+            _ => format!("{begin}{separator}{end}"),
+        };
+        Self {
+            words: join(&self.words, " / ", word),
+            key: join(&self.key, ".", part),
+        }
+    }
+
+    fn differs(&self, stated: &dyn ToString, recomputed: &dyn ToString) -> Option<Difference> {
         Some(Difference {
-            place: place.to_owned(),
+            place: self.words.clone(),
+            key: self.key.clone(),
             stated: stated.to_string(),
             recomputed: recomputed.to_string(),
         })
-    };
+    }
+}
+
+fn at(place: &Place, stated: &Value, recomputed: &Value, tolerance: f64) -> Option<Difference> {
     match (stated, recomputed) {
         (Value::Float(a), Value::Float(b)) => {
             let allowed = tolerance * (a.abs().max(b.abs()) + NEGLIGIBLE);
             let close = a == b || (allowed.is_finite() && (a - b).abs() <= allowed);
-            if close { None } else { differs(stated, recomputed) }
+            if close { None } else { place.differs(a, b) }
+        }
+        (Value::Array(a), Value::Array(b)) if a.len() != b.len() => {
+            let entries = |list: &[Value]| format!("{} entries", list.len());
+            place.differs(&entries(a), &entries(b))
         }
         (Value::Array(a), Value::Array(b)) => {
-            if a.len() != b.len() {
-                return Some(Difference {
-                    place: place.to_owned(),
-                    stated: format!("{} entries", a.len()),
-                    recomputed: format!("{} entries", b.len()),
-                });
-            }
-            let pairs = a.iter().zip(b).enumerate();
-            pairs
-                .filter_map(|(index, (a, b))| at(&below(place, &name_of(b, index)), a, b, tolerance))
-                .next()
+            let mut pairs = a.iter().zip(b).enumerate();
+            pairs.find_map(|(index, (a, b))| {
+                let place = place.below(&name_of(b, index), &index.to_string());
+                at(&place, a, b, tolerance)
+            })
         }
         (Value::Table(a), Value::Table(b)) => {
-            let missing = |present: &toml::Table, absent: &toml::Table| {
-                present.keys().find(|key| !absent.contains_key(*key)).cloned()
-            };
-            if let Some(key) = missing(a, b) {
-                return Some(Difference {
-                    place: below(place, &key),
-                    stated: a[&key].to_string(),
-                    recomputed: "nothing".to_owned(),
-                });
+            let missing = b.iter().find(|(key, _)| !a.contains_key(*key));
+            if let Some((key, value)) = missing {
+                return place.below(key, key).differs(&"nothing", value);
             }
-            if let Some(key) = missing(b, a) {
-                return Some(Difference {
-                    place: below(place, &key),
-                    stated: "nothing".to_owned(),
-                    recomputed: b[&key].to_string(),
-                });
-            }
-            a.iter()
-                .filter_map(|(key, a)| at(&below(place, key), a, &b[key], tolerance))
-                .next()
+            a.iter().find_map(|(key, value)| {
+                let place = place.below(key, key);
+                match b.get(key) {
+                    Some(other) => at(&place, value, other, tolerance),
+                    None => place.differs(value, &"nothing"),
+                }
+            })
         }
         _ if stated == recomputed => None,
-        _ => differs(stated, recomputed),
-    }
-}
-
-fn below(place: &str, part: &str) -> String {
-    match place {
-        "" => part.to_owned(),
-        _ => format!("{place} / {part}"),
+        _ => place.differs(stated, recomputed),
     }
 }
 
@@ -106,6 +112,7 @@ mod tests {
         assert_eq!(first_difference(&stated, &close, 1e-6), None);
         let difference = first_difference(&stated, &far, 1e-6).unwrap();
         assert_eq!(difference.place, "norms / T_rd / value");
+        assert_eq!(difference.key, "norms.0.value");
         assert_eq!(
             (difference.stated.as_str(), difference.recomputed.as_str()),
             ("0.0282", "0.035")

@@ -1,7 +1,9 @@
 //! The gains file: TOML, every number with all its digits.
 
-use super::compare::first_difference;
-use super::{FoundGains, SolverRun};
+use super::SolverRun;
+use super::compare::{NEGLIGIBLE, first_difference};
+use super::error::GainsError;
+use super::layout;
 use crate::achieved::Achieved;
 use crate::method::MethodOptions;
 use serde::{Deserialize, Serialize};
@@ -13,7 +15,9 @@ pub const VERSION: u32 = 1;
 /// How far a stated number may lie from the recomputed one, relative to the larger.
 pub const TOLERANCE: f64 = 1e-6;
 /// A file may ask for no more than this.
-const LARGEST_TOLERANCE: f64 = 1e-3;
+pub(super) const LARGEST_TOLERANCE: f64 = 1e-3;
+/// Every gains file begins with these words.
+pub const BEGINNING: &str = "# Gains of residuald:";
 
 /// The gains of all diagnosers of a configuration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -39,6 +43,8 @@ pub struct Entry {
     pub name: String,
     /// Its method.
     pub method: String,
+    /// Its sampling period, s.
+    pub sample_time_s: f64,
     /// Hash of its model, options and period.
     pub inputs: String,
     /// What was accepted but deserves a second look.
@@ -53,129 +59,58 @@ pub struct Entry {
     pub achieved: Achieved,
 }
 
-/// Why a gains file is refused.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum GainsError {
-    /// Not TOML, a key that is missing or unknown, a value of the wrong type.
-    #[error(
-        "the gains file cannot be read: {0}; it is damaged or incomplete, write it again with `residuald design`"
-    )]
-    Unreadable(String),
-    /// Another form.
-    #[error(
-        "the gains file has version {found}, this program reads version {VERSION}; write it again with `residuald design`"
-    )]
-    UnknownVersion {
-        /// Its version.
-        found: u32,
-    },
-    /// A tolerance that would accept anything.
-    #[error(
-        "the tolerance {0} of the gains file does not lie between 0 and {LARGEST_TOLERANCE}; write it again with `residuald design`"
-    )]
-    Tolerance(f64),
-    /// A diagnoser without gains.
-    #[error(
-        "the gains file has no gains for the diagnoser `{name}`; it is incomplete or belongs to another configuration, write it again with `residuald design`"
-    )]
-    NoEntry {
-        /// The diagnoser.
-        name: String,
-    },
-    /// A diagnoser with several.
-    #[error(
-        "the gains file has several entries for the diagnoser `{name}`; write it again with `residuald design`"
-    )]
-    SeveralEntries {
-        /// The diagnoser.
-        name: String,
-    },
-    /// Gains of another method.
-    #[error(
-        "the gains of `{name}` are for the method `{found}`, but it runs `{expected}`; write the file again with `residuald design`"
-    )]
-    OtherMethod {
-        /// The diagnoser.
-        name: String,
-        /// The file's method.
-        found: String,
-        /// The configuration's.
-        expected: String,
-    },
-    /// Gains of another plant, with other options or another period.
-    #[error(
-        "the gains of `{name}` were designed for another model, other options or another period ({found}, not {expected}); write the file again with `residuald design`"
-    )]
-    OtherInputs {
-        /// The diagnoser.
-        name: String,
-        /// The file's hash.
-        found: String,
-        /// The configuration's.
-        expected: String,
-    },
-    /// Gains that are not what the method needs.
-    #[error("the gains of `{name}` cannot be read: {reason}; write the file again with `residuald design`")]
-    Gains {
-        /// The diagnoser.
-        name: String,
-        /// What is wrong.
-        reason: String,
-    },
-    /// A number that the gains do not bear out.
-    #[error(
-        "the gains of `{name}` do not achieve what the file states: {place} is stated as {stated}, the gains give {recomputed}; the file was altered, write it again with `residuald design`"
-    )]
-    NotAchieved {
-        /// The diagnoser.
-        name: String,
-        /// Where.
-        place: String,
-        /// What the file states.
-        stated: String,
-        /// What the gains give.
-        recomputed: String,
-    },
-    /// A condition that does not hold.
-    #[error("the gains of `{name}` violate a condition: {condition}, by {excess:e}; design the gains again")]
-    Violated {
-        /// The diagnoser.
-        name: String,
-        /// The condition.
-        condition: String,
-        /// How far it is violated.
-        excess: f64,
-    },
-}
-
 impl GainsFile {
     /// Reads the text of a gains file.
     ///
     /// # Errors
-    /// [`GainsError::Unreadable`], [`GainsError::UnknownVersion`], [`GainsError::Tolerance`].
+    /// [`GainsError::Unreadable`], [`GainsError::UnknownVersion`], [`GainsError::NotFinite`], [`GainsError::Tolerance`].
     pub fn parse(text: &str) -> Result<Self, GainsError> {
-        let unreadable =
-            |error: toml::de::Error| GainsError::Unreadable(error.to_string().trim_end().to_owned());
-        let table: Table = text.parse().map_err(unreadable)?;
+        let unreadable = |error: toml::de::Error| GainsError::Unreadable {
+            reason: error.message().trim_end().to_owned(),
+            place: error.span(),
+        };
+        let table: Table = toml::from_str(text).map_err(unreadable)?;
         if let Some(version) = table.get("version").and_then(Value::as_integer)
             && version != i64::from(VERSION)
         {
-            let found = u32::try_from(version).unwrap_or(0);
-            return Err(GainsError::UnknownVersion { found });
+            return Err(GainsError::UnknownVersion { found: version });
         }
-        let file: Self = Value::Table(table).try_into().map_err(unreadable)?;
+        not_finite("", &Value::Table(table)).map_or(Ok(()), Err)?;
+        // From the text again: only so the places of refusals are known.
+        let file: Self = toml::from_str(text).map_err(unreadable)?;
         if !(file.tolerance > 0.0 && file.tolerance <= LARGEST_TOLERANCE) {
             return Err(GainsError::Tolerance(file.tolerance));
         }
         Ok(file)
     }
 
-    /// The entry of a diagnoser.
+    /// The file as text for people: matrices row by row, every number with the fewest digits that give it back.
+    /// `command` is what makes the file again.
+    ///
+    /// # Errors
+    /// [`GainsError::Unwritable`].
+    pub fn to_text(&self, command: &str) -> Result<String, GainsError> {
+        let table = Table::try_from(self).map_err(|error| GainsError::Unwritable(error.to_string()))?;
+        not_finite("", &Value::Table(table.clone())).map_or(Ok(()), Err)?;
+        Ok(format!(
+            "{BEGINNING} what its diagnosers run on, and what they achieve with it.\n\
+             # All of it is recomputed and compared whenever it is loaded: change the configuration, not this file.\n\
+             # Made by: {}\n\n{}",
+            command.replace(char::is_control, " "),
+            layout::text(&table)
+        ))
+    }
+
+    /// The entry of a diagnoser, and its position.
     ///
     /// # Errors
     /// [`GainsError::NoEntry`], [`GainsError::SeveralEntries`].
-    pub fn entry(&self, name: &str) -> Result<&Entry, GainsError> {
-        let mut entries = self.diagnoser.iter().filter(|entry| entry.name == name);
+    pub fn entry(&self, name: &str) -> Result<(usize, &Entry), GainsError> {
+        let mut entries = self
+            .diagnoser
+            .iter()
+            .enumerate()
+            .filter(|(_, entry)| entry.name == name);
         let name = || name.to_owned();
         let entry = entries
             .next()
@@ -187,95 +122,104 @@ impl GainsFile {
     }
 }
 
+/// The first number that is none, or infinite.
+fn not_finite(path: &str, value: &Value) -> Option<GainsError> {
+    let below = |part: &dyn std::fmt::Display| match path {
+        "" => part.to_string(),
+        _ => format!("{path}.{part}"),
+    };
+    match value {
+        Value::Float(number) if !number.is_finite() => Some(GainsError::NotFinite {
+            path: path.to_owned(),
+            value: *number,
+        }),
+        Value::Array(entries) => {
+            let mut entries = entries.iter().enumerate();
+            entries.find_map(|(index, entry)| not_finite(&below(&index), entry))
+        }
+        Value::Table(entries) => {
+            let mut entries = entries.iter();
+            entries.find_map(|(key, entry)| not_finite(&below(key), entry))
+        }
+        _ => None,
+    }
+}
+
 /// Hash of all that a design depends on: the method's tables and the period.
-pub fn hash_of_inputs<T: MethodOptions>(options: &T, sample_time_s: f64) -> Result<String, GainsError> {
-    let text = toml::to_string(options).map_err(|error| GainsError::Gains {
-        name: T::METHOD.to_owned(),
-        reason: error.to_string(),
-    })?;
+///
+/// # Errors
+/// Tables that cannot be written as TOML.
+pub fn hash_of_inputs<T: MethodOptions>(options: &T, sample_time_s: f64) -> Result<String, toml::ser::Error> {
+    let text = toml::to_string(options)?;
     let hash = xxh3_64(format!("{}\n{sample_time_s}\n{text}", T::METHOD).as_bytes());
     Ok(format!("xxh3:{hash:016x}"))
 }
 
 impl Entry {
-    /// The entry of gains that were just found.
+    /// Whether the gains were found for this method, this period and these inputs ([`hash_of_inputs`]).
     ///
     /// # Errors
-    /// [`GainsError::Gains`] if they cannot be written as TOML.
-    pub fn new<T: MethodOptions>(
-        name: &str,
-        options: &T,
-        sample_time_s: f64,
-        found: &FoundGains<T::Gains>,
-        achieved: Achieved,
-    ) -> Result<Self, GainsError> {
-        let gains = Table::try_from(&found.gains).map_err(|error| GainsError::Gains {
-            name: name.to_owned(),
-            reason: error.to_string(),
-        })?;
-        Ok(Self {
-            name: name.to_owned(),
-            method: T::METHOD.to_owned(),
-            inputs: hash_of_inputs(options, sample_time_s)?,
-            warnings: found.warnings.clone(),
-            solver: found.solver.clone(),
-            gains,
-            achieved,
-        })
-    }
-
-    /// The gains, if they belong to this method, these options and this period.
-    ///
-    /// # Errors
-    /// [`GainsError::OtherMethod`], [`GainsError::OtherInputs`], [`GainsError::Gains`].
-    pub fn gains<T: MethodOptions>(&self, options: &T, sample_time_s: f64) -> Result<T::Gains, GainsError> {
+    /// [`GainsError::OtherMethod`], [`GainsError::OtherPeriod`], [`GainsError::OtherInputs`].
+    pub fn belongs_to(&self, method: &str, sample_time_s: f64, inputs: &str) -> Result<(), GainsError> {
         let name = || self.name.clone();
-        if self.method != T::METHOD {
+        if self.method != method {
             return Err(GainsError::OtherMethod {
                 name: name(),
                 found: self.method.clone(),
-                expected: T::METHOD.to_owned(),
+                expected: method.to_owned(),
             });
         }
-        let expected = hash_of_inputs(options, sample_time_s)?;
-        if self.inputs != expected {
+        if self.sample_time_s != sample_time_s {
+            return Err(GainsError::OtherPeriod {
+                name: name(),
+                found: self.sample_time_s,
+                expected: sample_time_s,
+            });
+        }
+        if self.inputs != inputs {
             return Err(GainsError::OtherInputs {
                 name: name(),
                 found: self.inputs.clone(),
-                expected,
+                expected: inputs.to_owned(),
             });
         }
-        Value::Table(self.gains.clone())
-            .try_into()
-            .map_err(|error: toml::de::Error| GainsError::Gains {
-                name: name(),
-                reason: error.to_string().trim_end().to_owned(),
-            })
+        Ok(())
     }
 
     /// Compares what the file states with what the gains achieve.
     ///
     /// # Errors
-    /// [`GainsError::Violated`] if a condition does not hold, [`GainsError::NotAchieved`] at the first number that
-    /// differs by more than `tolerance`.
+    /// [`GainsError::Violated`] if a condition does not hold, [`GainsError::BelowBound`] at a norm below what is
+    /// possible, [`GainsError::NotAchieved`] at the first number that differs by more than `tolerance`.
     pub fn verify(&self, achieved: &Achieved, tolerance: f64) -> Result<(), GainsError> {
         if let Some(inequality) = achieved.violated() {
             return Err(GainsError::Violated {
                 name: self.name.clone(),
                 condition: inequality.name.clone(),
-                excess: -inequality.margin,
+                margin: inequality.margin,
+            });
+        }
+        let too_small = achieved.norms.iter().find_map(|norm| {
+            let bound = norm.lower_bound?;
+            let allowed = tolerance * (bound.abs() + NEGLIGIBLE);
+            (norm.value < bound - allowed).then_some((norm, bound))
+        });
+        if let Some((norm, bound)) = too_small {
+            return Err(GainsError::BelowBound {
+                name: self.name.clone(),
+                norm: norm.name.clone(),
+                value: norm.value,
+                bound,
             });
         }
         let value = |achieved: &Achieved| {
-            Value::try_from(achieved).map_err(|error| GainsError::Gains {
-                name: self.name.clone(),
-                reason: error.to_string(),
-            })
+            Value::try_from(achieved).map_err(|error| GainsError::Unwritable(error.to_string()))
         };
         match first_difference(&value(&self.achieved)?, &value(achieved)?, tolerance) {
             None => Ok(()),
             Some(difference) => Err(GainsError::NotAchieved {
                 name: self.name.clone(),
+                key: format!("achieved.{}", difference.key),
                 place: difference.place,
                 stated: difference.stated,
                 recomputed: difference.recomputed,

@@ -5,7 +5,9 @@
 //! [compared](file::Entry::verify) with what the file states.
 
 mod compare;
+pub mod error;
 pub mod file;
+mod layout;
 
 use serde::{Deserialize, Serialize};
 

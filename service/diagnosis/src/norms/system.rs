@@ -70,15 +70,19 @@ impl System {
         })
     }
 
+    /// Smallest and largest singular value of G(s); `None` at a pole.
+    pub(crate) fn gains_at(&self, s: Complex<f64>) -> Option<(f64, f64)> {
+        let values = SingularDecomposition::new(&self.response(s)?);
+        Some((values.smallest(), values.largest()))
+    }
+
     /// Smallest and largest singular value of G(jω), ω in rad/s; those of D at infinity.
     pub(super) fn gains(&self, omega: f64) -> Option<(f64, f64)> {
-        let response = if omega.is_infinite() {
-            self.d.clone()
-        } else {
-            self.response(Complex::new(0.0, omega))?
-        };
-        let values = SingularDecomposition::new(&response);
-        Some((values.smallest(), values.largest()))
+        if omega.is_infinite() {
+            let values = SingularDecomposition::new(&self.d);
+            return Some((values.smallest(), values.largest()));
+        }
+        self.gains_at(Complex::new(0.0, omega))
     }
 
     /// The continuous-time system with the same gains: s = (z - 1)/(z + 1); `None` if -1 is an eigenvalue of A.

@@ -53,6 +53,7 @@ pub mod options;
 mod options_validate;
 pub mod plant;
 pub mod reach;
+mod responses;
 mod start;
 mod state_interval;
 pub mod synthesis;

@@ -29,6 +29,8 @@ pub(super) struct Mode {
     pub mode: FaultMode,
     /// `None` for an untestable mode that was allowed: it is never falsified.
     pub filter: Option<ModeFilter>,
+    /// Settled radius of its set with the fixed gain alone, at the nominal state; `None` without such a gain.
+    pub fixed_radius: Option<Vec<f64>>,
     pub parity: Vec<ParityTest>,
 }
 

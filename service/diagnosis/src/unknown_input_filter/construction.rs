@@ -3,12 +3,15 @@
 use super::{
     UnknownInputFilterBank,
     bank::{BankRules, BankState, Mode, Prior},
+    certificate::ParityCertificate,
     channels::ChannelLayout,
     checks::check_modes,
     error::ConstructionError,
     filter::{CoupledFilter, CoupledOptions},
-    fixed_gain::{FixedGain, Nominal},
+    fixed_gain::Nominal,
     fixed_step::FixedFilter,
+    gains::{UnknownInputFilterGains, from_rows},
+    gains_check::{GainsError, check_places, fixed_gain, observer},
     kalman::{KalmanFilter, KalmanOptions},
     mode_filter::ModeFilter,
     modes::FaultMode,
@@ -34,39 +37,58 @@ const METHOD: &str = "unknown_input_filter";
 const STATE_VERSION: u16 = 1;
 
 impl UnknownInputFilterBank {
-    /// Builds the bank of a model after the checks of method sheet 3.1; see [`Self::report`] for their warnings.
+    /// Builds the bank of a model after the checks of method sheet 3.1 (see [`Self::report`] for their warnings), with
+    /// the gains that can be found without a solver.
     ///
     /// # Errors
     /// [`ConstructionError`] with the entry of the configuration that is wrong.
     pub fn new(model: LinearModel, options: &UnknownInputFilterOptions) -> Result<Self, ConstructionError> {
+        let gains = UnknownInputFilterGains::find(&model, options)?;
+        Self::with_gains(model, options, &gains)
+    }
+
+    /// Builds the bank that runs on these gains, after checking all that it relies on. Certificates among the options
+    /// do not count, those of the gains do.
+    ///
+    /// # Errors
+    /// [`ConstructionError`] with the entry of the configuration or of the gains that is wrong.
+    pub fn with_gains(
+        model: LinearModel,
+        options: &UnknownInputFilterOptions,
+        gains: &UnknownInputFilterGains,
+    ) -> Result<Self, ConstructionError> {
         options.validate(&model)?;
         let filter = &options.filter;
         let order = filter.effective_generator_order();
-        let plant = Plant::new(
-            &model,
-            order,
-            filter.outward_rounding && filter.form == Form::Coupled,
-        );
+        let plant = Plant::of(&model, filter);
         let mode_sets = options.bank.modes(plant.nu());
         let report = check_modes(&model, options, &mode_sets)?;
         let nominal = Nominal::new(&model, &plant, filter);
+        let testable = mode_sets.iter().zip(&report.testable);
+        let tested: Vec<FaultMode> = testable
+            .filter(|(_, testable)| **testable)
+            .map(|(mode, _)| *mode)
+            .collect();
+        check_places(gains, &tested, filter.form)?;
+        let parity_test = |(index, certificate): (usize, &ParityCertificate)| {
+            ParityTest::new(certificate, &model, filter.outward_rounding)
+                .map_err(|source| GainsError::Certificate { index, source })
+        };
+        let tests = gains.certificates.iter().enumerate().map(parity_test);
+        let tests: Vec<ParityTest> = tests.collect::<Result<_, _>>()?;
         let mut modes = Vec::new();
         for (&mode, &testable) in mode_sets.iter().zip(&report.testable) {
-            let filter = match testable {
-                true => Some(build_filter(&model, &plant, mode, options, &nominal)?),
-                false => None,
-            };
-            modes.push(Mode {
+            let mut built = Mode {
                 mode,
-                filter,
-                parity: Vec::new(),
-            });
-        }
-        for certificate in options.parity.certificates.iter().flatten() {
-            let test = ParityTest::new(certificate, &model, filter.outward_rounding)?;
-            if let Some(target) = modes.iter_mut().find(|target| target.mode == certificate.mode) {
-                target.parity.push(test);
+                filter: None,
+                fixed_radius: None,
+                parity: tests.iter().filter(|test| test.mode() == mode).cloned().collect(),
+            };
+            if testable {
+                let (filter, fixed_radius) = build_filter(&model, &plant, mode, options, gains, &nominal)?;
+                (built.filter, built.fixed_radius) = (Some(filter), fixed_radius);
             }
+            modes.push(built);
         }
         let own = mode_sets.iter().map(|mode| mode.len()).max().unwrap_or(0);
         let columns = plant.column_capacity(order, own);
@@ -114,7 +136,7 @@ impl UnknownInputFilterBank {
                 command_count: plant.nu(),
                 packets: None,
             },
-            format: StateFormat::new(METHOD, STATE_VERSION, &(&model, options)),
+            format: StateFormat::new(METHOD, STATE_VERSION, &(&model, options, gains)),
             work: Workspace::new(&plant, order, own, filter.effective_reduction()),
             measured: Measured::new(&plant),
             outcomes,
@@ -134,71 +156,25 @@ impl UnknownInputFilterBank {
             plant,
         })
     }
-
-    /// Replaces the fixed gain L_fix of a mode (nx x ny) by one designed elsewhere. It is projected on LCF = F
-    /// before use. Call it before the first step.
-    ///
-    /// # Errors
-    /// [`ConstructionError`] if the mode has no filter, if the shape is wrong, or if the filter is not stable with
-    /// this gain.
-    pub fn load_fixed_gain(&mut self, mode: FaultMode, gain: &DMatrix<f64>) -> Result<(), ConstructionError> {
-        let shape = (self.plant.nx(), self.plant.ny());
-        let target = self.modes.iter_mut().find(|target| target.mode == mode);
-        let Some(filter) = target.and_then(|target| target.filter.as_mut()) else {
-            return Err(ConstructionError::FixedGainWithoutMode { mode });
-        };
-        if gain.shape() != shape {
-            return Err(ConstructionError::FixedGainShape {
-                mode,
-                actual: gain.shape(),
-                expected: shape,
-            });
-        }
-        let gain = Matrix::from(gain);
-        let check = |coupled: &CoupledFilter| {
-            FixedGain::check(&self.plant, coupled, &gain, &self.nominal)
-                .ok_or(ConstructionError::NoStableFixedGain { mode })
-        };
-        match filter {
-            ModeFilter::Coupled(coupled) => {
-                let fixed = check(coupled)?;
-                coupled.set_fixed_candidate(&self.plant, &fixed.gain);
-            }
-            ModeFilter::Fixed(fixed) => {
-                let coupled = fixed.coupled().clone();
-                *fixed = FixedFilter::new(&self.plant, coupled.clone(), &check(&coupled)?);
-            }
-            ModeFilter::Paper(_) | ModeFilter::Kalman(_) => {
-                return Err(ConstructionError::FixedGainWithoutMode { mode });
-            }
-        }
-        self.format.extend(&(mode, &gain));
-        Ok(())
-    }
 }
 
-/// The filter of one mode in the configured form.
+/// The filter of one mode in the configured form, with the settled radius of its set under L_fix alone.
 fn build_filter(
     model: &LinearModel,
     plant: &Plant,
     mode: FaultMode,
     options: &UnknownInputFilterOptions,
+    gains: &UnknownInputFilterGains,
     nominal: &Nominal,
-) -> Result<ModeFilter, ConstructionError> {
+) -> Result<(ModeFilter, Option<Vec<f64>>), ConstructionError> {
     let filter = &options.filter;
-    let order = filter.effective_generator_order();
-    let s = filter
-        .s
-        .as_ref()
-        .map(|s| DMatrix::from_fn(plant.nx(), plant.ny(), |i, j| s[i][j]));
     match filter.form {
-        Form::Paper => Ok(ModeFilter::Paper(PaperFilter::new(
-            plant,
-            mode,
-            s.as_ref(),
-            filter.test,
-            order,
-        ))),
+        Form::Paper => {
+            let observer = observer(plant, mode, gains)?;
+            let order = filter.effective_generator_order();
+            let paper = PaperFilter::new(plant, observer, filter.test, order);
+            Ok((ModeFilter::Paper(paper), None))
+        }
         Form::Kalman3Sigma => {
             let covariance = filter.initial_covariance.iter().flatten().flatten().copied();
             let covariance = DMatrix::from_row_iterator(plant.nx(), plant.nx(), covariance);
@@ -210,46 +186,63 @@ fn build_filter(
                 initial_covariance: Matrix::from(&covariance),
                 norm_threshold: filter.residual_norm_threshold.unwrap_or(f64::INFINITY),
             };
-            Ok(ModeFilter::Kalman(KalmanFilter::new(
-                plant,
-                mode,
-                s.as_ref(),
-                start,
-            )))
+            let kalman = KalmanFilter::new(plant, observer(plant, mode, gains)?, start);
+            Ok((ModeFilter::Kalman(kalman), None))
         }
         Form::Coupled => {
-            let shaping =
-                s.map(|s| Matrix::from(&(DMatrix::identity(plant.ny(), plant.ny()) - model.c() * s)));
-            let bounded = options.missing.policy == MissingPolicy::BoundedFault;
-            let coupled = CoupledOptions {
-                shaping: shaping.as_ref(),
-                fault_bound: options.missing.fault_bound.as_deref().filter(|_| bounded),
-                row_wise: filter.gain != GainRule::Frobenius,
-                sweeps: filter.gain_sweeps,
-                order,
-            };
-            let mut coupled_filter = CoupledFilter::new(plant, mode, &coupled);
-            if filter.gain == GainRule::Frobenius {
-                return Ok(ModeFilter::Coupled(coupled_filter));
-            }
-            let design = CoupledOptions {
-                row_wise: true,
-                sweeps: DESIGN_SWEEPS,
-                ..coupled
-            };
-            let fixed = FixedGain::design(plant, &CoupledFilter::new(plant, mode, &design), nominal);
-            match (fixed, filter.gain) {
-                (Some(fixed), GainRule::Fixed) => {
-                    Ok(ModeFilter::Fixed(FixedFilter::new(plant, coupled_filter, &fixed)))
+            let shaping = shaping_matrix(model, options);
+            let mut coupled = CoupledFilter::new(plant, mode, &coupled_options(options, shaping.as_ref()));
+            let fixed = fixed_gain(plant, &coupled, gains, options, nominal)?;
+            let radius = fixed.as_ref().map(|fixed| fixed.radius.clone());
+            let filter = match (fixed, filter.gain) {
+                (Some(fixed), GainRule::Fixed) => ModeFilter::Fixed(FixedFilter::new(plant, coupled, &fixed)),
+                (Some(fixed), _) => {
+                    coupled.set_fixed_candidate(plant, &fixed.gain);
+                    ModeFilter::Coupled(coupled)
                 }
-                (None, GainRule::Fixed) => Err(ConstructionError::NoStableFixedGain { mode }),
-                (fixed, _) => {
-                    if let Some(fixed) = fixed {
-                        coupled_filter.set_fixed_candidate(plant, &fixed.gain);
-                    }
-                    Ok(ModeFilter::Coupled(coupled_filter))
-                }
-            }
+                (None, _) => ModeFilter::Coupled(coupled),
+            };
+            Ok((filter, radius))
         }
     }
+}
+
+/// The filter of a mode whose run finds its fixed gain.
+pub(super) fn design_filter(
+    model: &LinearModel,
+    plant: &Plant,
+    mode: FaultMode,
+    options: &UnknownInputFilterOptions,
+) -> CoupledFilter {
+    let shaping = shaping_matrix(model, options);
+    let options = CoupledOptions {
+        row_wise: true,
+        sweeps: DESIGN_SWEEPS,
+        ..coupled_options(options, shaping.as_ref())
+    };
+    CoupledFilter::new(plant, mode, &options)
+}
+
+fn coupled_options<'a>(
+    options: &'a UnknownInputFilterOptions,
+    shaping: Option<&'a Matrix>,
+) -> CoupledOptions<'a> {
+    let bounded = options.missing.policy == MissingPolicy::BoundedFault;
+    CoupledOptions {
+        shaping,
+        fault_bound: options.missing.fault_bound.as_deref().filter(|_| bounded),
+        row_wise: options.filter.gain != GainRule::Frobenius,
+        sweeps: options.filter.gain_sweeps,
+        order: options.filter.effective_generator_order(),
+    }
+}
+
+/// I - CS where S is configured.
+fn shaping_matrix(model: &LinearModel, options: &UnknownInputFilterOptions) -> Option<Matrix> {
+    let s = from_rows(
+        options.filter.s.as_ref()?,
+        (model.state_count(), model.output_count()),
+    );
+    let ny = model.output_count();
+    Some(Matrix::from(&(DMatrix::identity(ny, ny) - model.c() * s)))
 }

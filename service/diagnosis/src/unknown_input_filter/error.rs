@@ -2,9 +2,7 @@
 
 use thiserror::Error;
 
-use super::{
-    certificate::CertificateError, checks::CheckError, modes::FaultMode, options_error::OptionsError,
-};
+use super::{checks::CheckError, gains_check::GainsError, modes::FaultMode, options_error::OptionsError};
 
 /// Why a bank of unknown-input filters could not be built from a model and options.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -16,9 +14,9 @@ pub enum ConstructionError {
     /// A mode that can never be falsified.
     #[error(transparent)]
     Check(#[from] CheckError),
-    /// A certificate that does not belong to the model.
+    /// Gains that fail a condition.
     #[error(transparent)]
-    Certificate(#[from] CertificateError),
+    Gains(#[from] GainsError),
     /// More channels than a record holds.
     #[error(
         "the bank would publish {count} channels, a record holds {limit}; set `filter.publish` = \"worst\", or \
@@ -30,28 +28,12 @@ pub enum ConstructionError {
         /// Largest number of channels.
         limit: usize,
     },
-    /// `gain = "fixed"` with a mode that has none, or a loaded gain that is not stable.
+    /// `gain = "fixed"` with a mode that has none.
     #[error(
         "no stable fixed gain is known for the mode {mode}; use `filter.gain` = \"row_wise\", which needs none"
     )]
     NoStableFixedGain {
         /// The mode.
         mode: FaultMode,
-    },
-    /// A fixed gain for a mode without filter.
-    #[error("there is no filter for the mode {mode}, so that no gain can be loaded for it")]
-    FixedGainWithoutMode {
-        /// The mode.
-        mode: FaultMode,
-    },
-    /// A fixed gain of the wrong shape.
-    #[error("the fixed gain of the mode {mode} is {actual:?} but must be {expected:?} (states, outputs)")]
-    FixedGainShape {
-        /// The mode.
-        mode: FaultMode,
-        /// Rows and columns found.
-        actual: (usize, usize),
-        /// Rows and columns needed.
-        expected: (usize, usize),
     },
 }

@@ -12,17 +12,15 @@ use super::{
     state::SetState,
     workspace::Workspace,
 };
-use crate::{
-    decomposition::eigenvalues,
-    matrix::{Matrix, all_finite},
-    model::LinearModel,
-    zonotope::Reduction,
-};
+use crate::{matrix::Matrix, model::LinearModel, spectrum::spectral_radius, zonotope::Reduction};
 use nalgebra::DMatrix;
+use thiserror::Error;
 
 const DESIGN_STEPS: usize = 400;
 const TRIAL_STEPS: usize = 2000;
 const SETTLED: f64 = 1e-12;
+/// Largest miss of L_fix C F = F, relative to the terms, in a gain that comes from elsewhere.
+const ROUNDING: f64 = 1e-9;
 
 /// What the off-line run fixes for one mode.
 #[derive(Clone, Debug)]
@@ -33,6 +31,32 @@ pub(crate) struct FixedGain {
     pub matched_rows: Vec<Option<Vec<f64>>>,
     /// φ for the last spread, rows in the order of the pivots of the decoupling.
     pub estimate_rows: Vec<Vec<f64>>,
+    /// Radius of the set of the filter with this gain alone at the end of the trial, length nx.
+    pub radius: Vec<f64>,
+}
+
+/// Which condition a fixed gain fails.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum FixedGainError {
+    /// L_fix C F = F is missed.
+    #[error("the equality L_fix C F = F is missed by {residual:e} (relative), more than 1e-9")]
+    NotDecoupled {
+        /// Largest miss, relative to the terms.
+        residual: f64,
+    },
+    /// Φ has an eigenvalue that is not stable.
+    #[error("(I - L_fix C) A has the spectral radius {radius}, which must be below 1")]
+    NotStable {
+        /// Largest modulus.
+        radius: f64,
+    },
+    /// The eigenvalues of Φ cannot be computed.
+    #[error("the eigenvalues of (I - L_fix C) A cannot be computed")]
+    NoEigenvalues,
+    /// The uncertainty lets the set grow beyond all numbers.
+    #[error("the state set of the filter grows beyond all numbers within {steps} steps", steps = TRIAL_STEPS)]
+    Grows,
 }
 
 /// Conditions of the off-line run.
@@ -71,7 +95,7 @@ impl Nominal {
 impl FixedGain {
     /// L_fix of the mode of `filter`, which must be row-wise with sweeps and without fixed candidate; `None` if no
     /// stable gain is found.
-    pub fn design(plant: &Plant, filter: &CoupledFilter, nominal: &Nominal) -> Option<Self> {
+    pub fn design(plant: &Plant, filter: &CoupledFilter, nominal: &Nominal) -> Option<Matrix> {
         let mut run = NominalRun::new(plant, filter.mode, nominal);
         let mut last = Matrix::zeros(plant.nx(), plant.ny());
         for _ in 0..DESIGN_STEPS {
@@ -87,15 +111,30 @@ impl FixedGain {
                 break;
             }
         }
-        Self::check(plant, filter, &last, nominal)
+        let gain = project(&last, &filter.decoupling);
+        Self::check(plant, filter, &gain, nominal).is_ok().then_some(gain)
     }
 
-    /// Takes over a gain after projecting it on LCF = F; `None` unless (I - LC) A0 is stable and the set stays
-    /// bounded with this gain.
-    pub fn check(plant: &Plant, filter: &CoupledFilter, gain: &Matrix, nominal: &Nominal) -> Option<Self> {
-        let gain = project(gain, &filter.decoupling);
-        if !all_finite(gain.to_dense().as_slice()) || !is_stable(&transition(plant, &gain)) {
-            return None;
+    /// Takes over a gain that fulfils L C F = F to rounding, after moving it onto this equality.
+    ///
+    /// # Errors
+    /// [`FixedGainError`] unless the equality holds, (I - LC) A0 is stable and the set stays bounded with this gain.
+    pub fn check(
+        plant: &Plant,
+        filter: &CoupledFilter,
+        stated: &Matrix,
+        nominal: &Nominal,
+    ) -> Result<Self, FixedGainError> {
+        let residual = miss(plant, filter, stated);
+        let decoupled = residual <= ROUNDING;
+        if !decoupled {
+            return Err(FixedGainError::NotDecoupled { residual });
+        }
+        let gain = project(stated, &filter.decoupling);
+        let radius = spectral_radius(&transition(plant, &gain)).ok_or(FixedGainError::NoEigenvalues)?;
+        let stable = radius < 1.0;
+        if !stable {
+            return Err(FixedGainError::NotStable { radius });
         }
         let mut run = NominalRun::new(plant, filter.mode, nominal);
         for _ in 0..TRIAL_STEPS {
@@ -103,26 +142,37 @@ impl FixedGain {
             run.work.gain.copy_from(&gain);
             run.correct(filter);
             if run.state.void {
-                return None;
+                return Err(FixedGainError::Grows);
             }
         }
         let (matched_rows, estimate_rows) = run.rows(filter);
-        Some(Self {
+        Ok(Self {
             gain,
             matched_rows,
             estimate_rows,
+            radius: run.state.radius,
         })
     }
+}
+
+/// Largest miss of L C F = F, relative to the largest term.
+fn miss(plant: &Plant, filter: &CoupledFilter, gain: &Matrix) -> f64 {
+    let (c, f, gain) = (
+        plant.c.to_dense(),
+        filter.fault_matrix.to_dense(),
+        gain.to_dense(),
+    );
+    if f.is_empty() {
+        return 0.0;
+    }
+    let terms = gain.abs() * c.abs() * f.abs() + f.abs();
+    (gain * c * &f - f).amax() / terms.amax()
 }
 
 /// Φ = (I - LC) A0.
 pub(crate) fn transition(plant: &Plant, gain: &Matrix) -> DMatrix<f64> {
     let identity = DMatrix::identity(plant.nx(), plant.nx());
     (identity - gain.to_dense() * plant.c.to_dense()) * plant.a0.to_dense()
-}
-
-fn is_stable(transition: &DMatrix<f64>) -> bool {
-    eigenvalues(transition).is_some_and(|all| all.iter().all(|value| value.norm() < 1.0))
 }
 
 /// L0 + (L - L0) P: the same gain with L C F = F to rounding.

@@ -5,6 +5,7 @@
 //! packets and unbounded sets take the general step.
 
 use super::{
+    decoupling::Decoupling,
     filter::CoupledFilter,
     fixed_gain::FixedGain,
     outcome::{FaultEstimate, Outcome, TestRow},
@@ -114,9 +115,14 @@ impl FixedFilter {
         }
     }
 
-    /// The general filter of the same mode.
-    pub fn coupled(&self) -> &CoupledFilter {
-        &self.coupled
+    /// L_fix.
+    pub fn gain(&self) -> &Matrix {
+        &self.gain
+    }
+
+    /// The decoupling of a complete packet.
+    pub fn decoupling(&self) -> &Decoupling {
+        &self.coupled.decoupling
     }
 
     /// One step with the command of the last transition and the measurements of this instant.

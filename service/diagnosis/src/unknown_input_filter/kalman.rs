@@ -8,9 +8,8 @@
 //! | Σ, K | `output_covariance`, `gain` | ny x ny, nx x ny |
 
 use super::{
-    modes::FaultMode,
     outcome::{Outcome, TestRow},
-    paper::UnknownInputObserver,
+    paper::{UnknownInputObserver, closed_loop},
     plant::{Command, Measured, Plant},
     state::SetState,
 };
@@ -71,8 +70,7 @@ impl KalmanWorkspace {
 }
 
 impl KalmanFilter {
-    pub fn new(plant: &Plant, mode: FaultMode, s: Option<&DMatrix<f64>>, options: KalmanOptions) -> Self {
-        let observer = UnknownInputObserver::new(plant, mode, s);
+    pub fn new(plant: &Plant, observer: UnknownInputObserver, options: KalmanOptions) -> Self {
         let noise_variance: Vec<f64> = plant.noise.iter().map(|v| (v / 3.0).powi(2)).collect();
         let weighted = plant.disturbance_matrix().to_dense() / 3.0;
         let (t, n) = (observer.t.to_dense(), observer.n.to_dense());
@@ -85,6 +83,11 @@ impl KalmanFilter {
             options,
             noise_variance,
         }
+    }
+
+    /// (I - KC)TA0 with the gain K of the last step: what moves the errors.
+    pub fn transition(&self, plant: &Plant, work: &KalmanWorkspace) -> DMatrix<f64> {
+        closed_loop(plant, &work.gain, &self.observer)
     }
 
     /// Starts from the configured state and covariance.

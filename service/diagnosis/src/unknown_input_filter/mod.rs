@@ -1,5 +1,6 @@
 //! Bank of zonotopic unknown-input set-membership filters (method sheet 1 to 4).
 
+mod achieved;
 mod bank;
 pub mod certificate;
 mod channels;
@@ -7,12 +8,15 @@ pub mod checks;
 mod construction;
 pub mod decision;
 mod decoupling;
+mod design_words;
 pub mod error;
 mod filter;
-mod fixed_gain;
+pub mod fixed_gain;
 mod fixed_step;
 mod floors;
 mod gain;
+pub mod gains;
+pub mod gains_check;
 mod kalman;
 pub mod lti;
 mod missing;
@@ -30,6 +34,8 @@ pub mod parity_window;
 mod plant;
 mod prediction;
 mod reset;
+mod sensitivity;
+mod settled;
 mod state;
 mod strip_reset;
 pub mod tables;

@@ -10,6 +10,7 @@ use super::{
     state::SetState,
     workspace::Workspace,
 };
+use crate::matrix::combination;
 
 /// One filter; see the module of each form.
 #[derive(Clone, Debug)]
@@ -37,6 +38,20 @@ impl ModeFilter {
             Self::Paper(filter) => filter.step(plant, command, measured, state, work, outcome),
             Self::Kalman(filter) => filter.step(plant, command, measured, state, &mut work.kalman, outcome),
         }
+    }
+
+    /// Responses of the projector row of an output to unit faults of all actuators, one step later; `None` in the
+    /// Kalman-type baseline, whose thresholds promise nothing.
+    pub fn responses(&self, plant: &Plant, output: usize) -> Option<Vec<f64>> {
+        let decoupling = match self {
+            Self::Coupled(filter) => &filter.decoupling,
+            Self::Fixed(filter) => filter.decoupling(),
+            Self::Paper(filter) => filter.decoupling(),
+            Self::Kalman(_) => return None,
+        };
+        let mut responses = vec![0.0; plant.nu()];
+        combination(&mut responses, decoupling.test_rows.row(output), &plant.cb);
+        Some(responses)
     }
 
     /// Whether the set of this filter contains the state while its mode holds.

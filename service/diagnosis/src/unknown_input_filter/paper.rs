@@ -69,14 +69,7 @@ pub(crate) struct PaperFilter {
 }
 
 impl PaperFilter {
-    pub fn new(
-        plant: &Plant,
-        mode: FaultMode,
-        s: Option<&DMatrix<f64>>,
-        test: TestRule,
-        order: usize,
-    ) -> Self {
-        let observer = UnknownInputObserver::new(plant, mode, s);
+    pub fn new(plant: &Plant, observer: UnknownInputObserver, test: TestRule, order: usize) -> Self {
         let weighted = plant.disturbance_matrix().to_dense();
         let bounds = DMatrix::from_diagonal(&nalgebra::DVector::from_column_slice(&plant.noise));
         Self {
@@ -86,6 +79,16 @@ impl PaperFilter {
             test,
             order,
         }
+    }
+
+    /// The decoupling whose test rows are I - CN.
+    pub fn decoupling(&self) -> &Decoupling {
+        &self.observer.decoupling
+    }
+
+    /// (I - ΛC)TA0 with the gain Λ of the last step: what moves the errors.
+    pub fn transition(&self, plant: &Plant, work: &Workspace) -> DMatrix<f64> {
+        closed_loop(plant, &work.gain, &self.observer)
     }
 
     /// One step; an incomplete packet or command loses the set.
@@ -197,6 +200,12 @@ impl PaperFilter {
             }
         }
     }
+}
+
+/// (I - KC)TA0.
+pub(crate) fn closed_loop(plant: &Plant, gain: &Matrix, observer: &UnknownInputObserver) -> DMatrix<f64> {
+    let identity = DMatrix::identity(plant.nx(), plant.nx());
+    (identity - gain.to_dense() * plant.c.to_dense()) * observer.ta0.to_dense()
 }
 
 /// Sum of a_k |x_k|.

@@ -154,6 +154,12 @@ impl ParityTest {
         self.constant
     }
 
+    /// The half width while |x| does not exceed `state` (length nx) and the commands are zero.
+    pub fn half_width_at(&self, state: &[f64]) -> f64 {
+        let states = self.state_table.chunks(state.len().max(1));
+        self.constant + states.map(|entries| dot(entries, state)).sum::<f64>()
+    }
+
     /// Residual r and half width h over the last n transitions of the window. While the mode holds, |r| <= h;
     /// the mode is falsified by `!(|r| <= h)`.
     ///

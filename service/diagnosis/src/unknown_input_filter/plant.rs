@@ -7,7 +7,10 @@
 //! | C⁺ | `strip.gain` | nx x ny |
 //! | ε, δ | `epsilon`, [`UNIT_ROUNDOFF`] | |
 
-use super::strip_reset::Strip;
+use super::{
+    options::{FilterOptions, Form},
+    strip_reset::Strip,
+};
 use crate::buffer::Buffer;
 use crate::{
     matrix::{Matrix, absolute_dot, multiply},
@@ -80,6 +83,12 @@ impl Plant {
             c,
             noise,
         }
+    }
+
+    /// The plant of a bank with these options.
+    pub fn of(model: &LinearModel, options: &FilterOptions) -> Self {
+        let outward = options.outward_rounding && options.form == Form::Coupled;
+        Self::new(model, options.effective_generator_order(), outward)
     }
 
     /// D diag(w), nx x nd.

@@ -1,12 +1,15 @@
 //! What the method reads from a diagnoser's table, and the way from there to a bank.
 
 use super::UnknownInputFilterBank;
-use super::checks::{CheckError, check_modes};
+use super::achieved::Inspection;
+use super::checks::CheckError;
 use super::error::ConstructionError;
-use super::options::{BankOptions, FilterOptions, MissingOptions, ParityOptions, UnknownInputFilterOptions};
+use super::gains::UnknownInputFilterGains;
+use super::options::{
+    BankOptions, FilterOptions, Form, MissingOptions, ParityOptions, UnknownInputFilterOptions,
+};
 use super::options_error::OptionsError;
-use crate::achieved::Achieved;
-use crate::gains::{FoundGains, NoGains};
+use crate::gains::FoundGains;
 use crate::method::{Designed, MethodOptions, Refusal};
 use crate::model::{LinearModel, ModelOptions, adopt_labels};
 use serde::{Deserialize, Serialize};
@@ -46,7 +49,7 @@ impl UnknownInputFilterTables {
 impl MethodOptions for UnknownInputFilterTables {
     const METHOD: &'static str = "unknown_input_filter";
 
-    type Gains = NoGains;
+    type Gains = UnknownInputFilterGains;
 
     fn signal_counts(&self) -> (usize, usize) {
         (self.model.c.len(), self.model.b.first().map_or(0, Vec::len))
@@ -63,36 +66,43 @@ impl MethodOptions for UnknownInputFilterTables {
         Ok(self.options().validate(&model)?)
     }
 
-    fn find_gains(&self, _sample_time_s: f64) -> Result<FoundGains<NoGains>, Refusal> {
-        Ok(FoundGains::closed_form(NoGains {}))
+    fn needs_solver(&self) -> Option<Refusal> {
+        let designed = self.filter.form == Form::Coupled
+            && !self.parity.lengths.is_empty()
+            && self.parity.certificates.is_none();
+        designed.then(|| Refusal {
+            key: "parity.lengths".to_owned(),
+            message: "the certificates of parity tests come from linear programs; design the gains with a program that \
+                      has a solver, give `parity.certificates`, or set `parity.lengths` = []"
+                .to_owned(),
+        })
     }
 
-    /// Parity tests are those that the options bring; who has a solver designs them before.
-    fn with_gains(&self, sample_time_s: f64, _gains: &NoGains) -> Result<Designed, Refusal> {
+    /// Certificates are those that the options bring; who has a solver adds others.
+    fn find_gains(&self, sample_time_s: f64) -> Result<FoundGains<UnknownInputFilterGains>, Refusal> {
         let model = LinearModel::new(&self.model, sample_time_s)?;
-        let options = self.options();
-        options.validate(&model)?;
-        let modes = options.bank.modes(model.actuator_count());
-        let report = check_modes(&model, &options, &modes)?;
-        let mut warnings: Vec<String> = report.warnings.iter().map(ToString::to_string).collect();
-        if options.filter.fault_of_interest.is_none() {
-            warnings.push(
-                "`filter.fault_of_interest` is not set: no record will tell when thresholds become too wide to see a \
-                 fault"
+        let mut found = FoundGains::closed_form(UnknownInputFilterGains::find(&model, &self.options())?);
+        let none = self.parity.certificates.as_ref().is_some_and(Vec::is_empty);
+        if self.filter.form == Form::Coupled && !self.parity.lengths.is_empty() && none {
+            found.warnings.push(
+                "`parity.certificates` is empty, so that no test over several samples runs; leave it out to have them \
+                 designed for `parity.lengths`, or set `parity.lengths` = [] as well"
                     .to_owned(),
             );
         }
-        let names: Vec<_> = model
-            .actuators()
-            .iter()
-            .map(|actuator| actuator.name.as_str())
-            .collect();
-        let described: Vec<_> = modes.iter().map(|mode| mode.describe(&names)).collect();
+        Ok(found)
+    }
+
+    fn with_gains(&self, sample_time_s: f64, gains: &UnknownInputFilterGains) -> Result<Designed, Refusal> {
+        let model = LinearModel::new(&self.model, sample_time_s)?;
+        let options = self.options();
+        let bank = UnknownInputFilterBank::with_gains(model.clone(), &options, gains)?;
+        let inspection = Inspection::new(&model, &options, gains, &bank);
         Ok(Designed {
-            achieved: Achieved::default(),
-            diagnoser: Box::new(UnknownInputFilterBank::new(model, &options)?),
-            notes: vec![("fault modes", described.join(", "))],
-            warnings,
+            achieved: inspection.achieved(sample_time_s),
+            notes: inspection.notes(),
+            warnings: inspection.warnings(),
+            diagnoser: Box::new(bank),
         })
     }
 }
@@ -118,12 +128,10 @@ impl From<ConstructionError> for Refusal {
     fn from(error: ConstructionError) -> Self {
         let key = match error {
             ConstructionError::Options(error) => return error.into(),
-            ConstructionError::Certificate(_) => "parity.certificates",
+            ConstructionError::Check(error) => return error.into(),
+            ConstructionError::Gains(error) => return Self::new(error.key(), &error),
             ConstructionError::TooManyChannels { .. } => "filter.publish",
-            ConstructionError::NoStableFixedGain { .. }
-            | ConstructionError::FixedGainWithoutMode { .. }
-            | ConstructionError::FixedGainShape { .. } => "filter.gain",
-            _ => "method",
+            ConstructionError::NoStableFixedGain { .. } => "filter.gain",
         };
         Self::new(key, &error)
     }

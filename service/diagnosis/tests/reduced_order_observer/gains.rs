@@ -7,11 +7,15 @@ use nalgebra::DVector;
 use residual_diagnosis::{
     achieved::Achieved,
     diagnoser::flags,
-    gains::file::{Entry, GainsError},
+    gains::{
+        error::GainsError,
+        file::{Entry, hash_of_inputs},
+    },
     method::{MethodOptions, Refusal},
     reduced_order_observer::{
         ReducedOrderObserver,
         design::Design,
+        floors::step_response,
         gains::ReducedOrderObserverGains,
         options::{Mode, ObserverM, ReducedOrderObserverOptions},
     },
@@ -30,6 +34,24 @@ fn found(options: &ReducedOrderObserverOptions) -> ReducedOrderObserverGains {
 /// The gains after they were written and read.
 fn read_back(gains: &ReducedOrderObserverGains) -> ReducedOrderObserverGains {
     toml::from_str(&toml::to_string(gains).unwrap()).unwrap()
+}
+
+/// The entry of a gains file.
+fn entry(
+    options: &ReducedOrderObserverOptions,
+    gains: &ReducedOrderObserverGains,
+    achieved: Achieved,
+) -> Entry {
+    Entry {
+        name: "servo".to_owned(),
+        method: ReducedOrderObserverOptions::METHOD.to_owned(),
+        sample_time_s: 0.1,
+        inputs: hash_of_inputs(options, 0.1).unwrap(),
+        warnings: Vec::new(),
+        solver: Vec::new(),
+        gains: toml::Table::try_from(gains).unwrap(),
+        achieved,
+    }
 }
 
 fn achieved(options: &ReducedOrderObserverOptions) -> Achieved {
@@ -60,12 +82,10 @@ fn gains_that_were_written_and_read_give_the_same_design() {
         // And through the entry of a gains file, with what they achieve.
         let designed = options.with_gains(0.1, &gains).unwrap();
         assert_eq!(designed.achieved.violated(), None);
-        let found = options.find_gains(0.1).unwrap();
-        let entry = Entry::new("servo", options, 0.1, &found, designed.achieved).unwrap();
+        let entry = entry(options, &gains, designed.achieved);
         let entry: Entry = toml::from_str(&toml::to_string(&entry).unwrap()).unwrap();
-        let again = options
-            .with_gains(0.1, &entry.gains(options, 0.1).unwrap())
-            .unwrap();
+        let gains = toml::Value::Table(entry.gains.clone()).try_into().unwrap();
+        let again = options.with_gains(0.1, &gains).unwrap();
         entry.verify(&again.achieved, 1e-6).unwrap();
         compared += 1;
     }
@@ -283,7 +303,7 @@ fn a_file_that_promises_more_than_its_gains_achieve_is_found_out() {
     let mut promised = options.with_gains(0.1, &found.gains).unwrap().achieved;
     let honest = promised.clone();
     promised.faults[0].detectable = promised.faults[0].detectable.map(|size| 0.999 * size);
-    let entry = Entry::new("servo", &options, 0.1, &found, promised).unwrap();
+    let entry = entry(&options, &found.gains, promised);
     assert!(matches!(
         entry.verify(&honest, 1e-6),
         Err(GainsError::NotAchieved { .. })
@@ -425,4 +445,18 @@ fn only_options_that_insist_on_a_solver_need_one() {
     options.design.gains = Gains::ClosedForm;
     options.design.observer_m = ObserverM::Named(NamedM::Lmi);
     assert_eq!(options.needs_solver().unwrap().key, "design.observer_M");
+}
+
+#[test]
+fn the_response_to_a_slow_fault_is_the_steady_step_response() {
+    let options = servo(0.01);
+    let gains = found(&options);
+    let responses = options.responses(0.1, &gains).unwrap();
+    let names: Vec<_> = responses.iter().map(|response| response.name.as_str()).collect();
+    assert_eq!(names[..2], ["disturbance", "measurement noise"]);
+    assert!(names[2].starts_with("fault of "), "{names:?}");
+    let design = Design::with_gains(&options, &gains).unwrap();
+    let settled = step_response(&design.main.observer, 0).pop().unwrap();
+    let (_, gain) = responses[2].singular_values(0.0).unwrap();
+    assert!((gain / settled.norm() - 1.0).abs() < 1e-6, "{gain} {settled}");
 }

@@ -1,7 +1,7 @@
 //! What can go wrong in an identification.
 
 use crate::conic::SolverError;
-use crate::floors::FloorError;
+use crate::unknown_input_filter::floors::FloorError;
 use thiserror::Error;
 
 /// Why no bounds could be identified. Outputs, disturbances and instants count from 0.

@@ -6,7 +6,7 @@ use super::trajectory::{Goal, Plant, TrajectoryError};
 use super::{IdentifyError, IdentifyOptions, RunData};
 use crate::bounds::{NoiseBounds, round_up};
 use crate::conic::SolverError;
-use crate::floors::{FloorQuestion, solve};
+use crate::unknown_input_filter::floors::{FloorQuestion, solve};
 use nalgebra::DVector;
 use residual_diagnosis::model::LinearModel;
 use residual_diagnosis::unknown_input_filter::modes::FaultMode;

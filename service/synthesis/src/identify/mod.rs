@@ -10,7 +10,7 @@
 //! explain a run not seen before is only as likely as the runs are alike. Small noise scales need large
 //! disturbances and the other way round; among the noise scales tried, the one is chosen for which the fewest
 //! training runs contradict the bounds found from the other runs, and among these the one with the smallest
-//! detectable faults ([`floors`](crate::floors), fault-free mode, geometric mean over the actuators). Validation
+//! detectable faults ([`floors`](crate::unknown_input_filter::floors), fault-free mode, geometric mean over the actuators). Validation
 //! runs are reported and never decide. A noise bound so large that some disturbance is not needed at all passes the
 //! left-out check by itself; [`IdentifyOptions::tolerated_left_out_failures`] lets the detectable faults decide.
 //!

@@ -185,7 +185,7 @@ impl<'a> Plant<'a> {
         if !finite || worst > EQUALITY_TOLERANCE {
             return Err(TrajectoryError::Unverified {
                 residual: worst,
-                status: solution.status.clone(),
+                status: solution.run.status.clone(),
             });
         }
         let mut needed = DVector::zeros(self.model.disturbance_count());

@@ -6,6 +6,7 @@ use crate::configuration::schema::{Daemon, Group, Realtime};
 use crate::configuration::{DaemonSection, RealtimeSection};
 use nix::unistd;
 use residual_shared::names::{Instance, InstanceName};
+use std::path::Path;
 use tracing_subscriber::EnvFilter;
 
 /// iceoryx2 puts sockets below its root directory, and their paths end at 108 bytes.
@@ -19,6 +20,7 @@ const MAX_CPU: u64 = 1023;
 
 pub(in crate::configuration) fn daemon(
     section: Daemon,
+    directory: &Path,
     mistakes: &mut Mistakes<'_>,
 ) -> Option<DaemonSection> {
     let instance = match section.instance.parse::<InstanceName>() {
@@ -79,6 +81,7 @@ pub(in crate::configuration) fn daemon(
         catch_up_limit: section.catch_up_limit,
         log: section.log,
         record_queue: section.record_queue,
+        gains_file: section.gains_file.map(|file| directory.join(file)),
     })
 }
 

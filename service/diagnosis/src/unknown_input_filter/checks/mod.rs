@@ -143,34 +143,37 @@ fn check_isolability(
     for actuator in mode.other_actuators(model.actuator_count()) {
         let columns = normalised_outputs(model, mode.actuators().chain([actuator]));
         let sigma_min = smallest_singular_value(&columns);
+        let immediate = sigma_min >= INDEPENDENT;
+        let samples = match immediate {
+            true => Some(1),
+            false => isolability::first_separating_window(model, mode, actuator, longest),
+        };
         report.isolability.push(Isolability {
             mode,
             actuator,
             sigma_min,
-            immediate: sigma_min >= INDEPENDENT,
+            samples,
         });
-        if sigma_min >= INDEPENDENT {
+        if immediate {
             continue;
         }
         let (name, fault) = (name(model, mode), model.actuators()[actuator].name.clone());
-        report.warnings.push(
-            match isolability::first_separating_window(model, mode, actuator, longest) {
-                Some(length) => CheckWarning::IsolableAfter {
-                    mode,
-                    name,
-                    actuator,
-                    fault,
-                    length,
-                },
-                None => CheckWarning::NotIsolable {
-                    mode,
-                    name,
-                    actuator,
-                    fault,
-                    longest,
-                },
+        report.warnings.push(match samples {
+            Some(length) => CheckWarning::IsolableAfter {
+                mode,
+                name,
+                actuator,
+                fault,
+                length,
             },
-        );
+            None => CheckWarning::NotIsolable {
+                mode,
+                name,
+                actuator,
+                fault,
+                longest,
+            },
+        });
     }
 }
 

@@ -10,13 +10,13 @@ use thiserror::Error;
 pub struct CheckReport {
     /// Whether each mode can be tested, in the order of the modes checked.
     pub testable: Vec<bool>,
-    /// How well each testable mode tells foreign faults from its own, from one sample.
+    /// How well each testable mode tells foreign faults from its own.
     pub isolability: Vec<Isolability>,
     /// What works less well than one might expect.
     pub warnings: Vec<CheckWarning>,
 }
 
-/// How well one sample tells the fault of one actuator from those of a mode.
+/// How well the fault of one actuator is told from those of a mode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Isolability {
     /// The mode.
@@ -25,8 +25,9 @@ pub struct Isolability {
     pub actuator: usize,
     /// Smallest singular value of the normalised columns C\[F B_j\]: 1 = orthogonal, 0 = not separable.
     pub sigma_min: f64,
-    /// Whether one sample can separate them (σ_min >= 1e-6).
-    pub immediate: bool,
+    /// Samples that a constant fault must last to be told from the mode: 1 if σ_min >= 1e-6; `None` if no window up to
+    /// the longest one searched can tell them apart.
+    pub samples: Option<usize>,
 }
 
 /// Why a mode is refused.

@@ -45,11 +45,9 @@ fn fact_2_the_papers_residual_is_the_projected_innovation() {
     let plant = Plant::new(&model(DESIGN, 1.0, true), 50, false);
     let s = dense(&parse(DESIGN)["model"]["S"]);
     for i in 0..2 {
-        let filter = PaperFilter::new(&plant, mode(i), Some(&s), TestRule::Printed, 50);
-        let rows = UnknownInputObserver::new(&plant, mode(i), Some(&s))
-            .decoupling
-            .test_rows
-            .to_dense();
+        let observer = UnknownInputObserver::new(&plant, mode(i), Some(&s));
+        let rows = observer.decoupling.test_rows.to_dense();
+        let filter = PaperFilter::new(&plant, observer, TestRule::Printed, 50);
         let mut rig = Rig::new(&plant, mode(i), Form::Paper, 50, &[1.0; 4]);
         for k in 0..30 {
             let y: Vec<f64> = (0..4).map(|j| (1.7 * k as f64 + j as f64).sin()).collect();

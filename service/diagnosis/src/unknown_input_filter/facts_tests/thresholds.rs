@@ -69,7 +69,8 @@ fn floors_grow_with_the_state_as_listed() {
         let magnitude = case["state_magnitude"].as_f64().unwrap();
         for fault in 0..2 {
             let other = mode(1 - fault);
-            let paper = PaperFilter::new(&plant, other, Some(&s), TestRule::Printed, 50);
+            let observer = UnknownInputObserver::new(&plant, other, Some(&s));
+            let paper = PaperFilter::new(&plant, observer, TestRule::Printed, 50);
             let filter = coupled(&plant, other, true, 50);
             let mut rigs =
                 [Form::Paper, Form::Coupled].map(|form| Rig::new(&plant, other, form, 50, &[1.0; 4]));

@@ -6,9 +6,10 @@
 //! sound to rounding; what is lost in sensitivity by that is checked.
 
 use crate::bounds::NoiseBounds;
-use crate::floors::{FloorError, FloorQuestion, FloorSolution, solve, threshold_of};
-use crate::window_equalities::{Multipliers, WindowEqualities};
+use crate::unknown_input_filter::floors::{FloorError, FloorQuestion, FloorSolution, solve, threshold_of};
+use crate::unknown_input_filter::window_equalities::{Multipliers, WindowEqualities};
 use nalgebra::{DMatrix, DVector};
+use residual_diagnosis::gains::SolverRun;
 use residual_diagnosis::model::LinearModel;
 use residual_diagnosis::unknown_input_filter::certificate::{CertificateError, ParityCertificate};
 use residual_diagnosis::unknown_input_filter::modes::FaultMode;
@@ -49,6 +50,8 @@ pub struct Designed {
     pub not_separable: Vec<FloorQuestion>,
     /// Windows that stay without a certificate for reasons of computation.
     pub failures: Vec<CertificateFailure>,
+    /// What the solver said of each program that a certificate comes from.
+    pub runs: Vec<SolverRun>,
 }
 
 /// The sensitivity of a certificate.
@@ -101,7 +104,8 @@ pub enum FailureReason {
 
 /// Designs the certificates of all given modes against all other actuators.
 ///
-/// The same model, modes and options give the same certificates to the last bit.
+/// The same model, modes and options give the same certificates to the last bit. `progress` hears of each pair of a
+/// mode and an actuator.
 ///
 /// # Errors
 /// [`FloorError`] if modes, lengths or x_nom do not fit the model. A window that only its computation fails is no
@@ -110,6 +114,7 @@ pub fn design(
     model: &LinearModel,
     modes: &[FaultMode],
     options: &CertificateOptions,
+    progress: &mut dyn FnMut(&str),
 ) -> Result<Designed, FloorError> {
     let mut designed = Designed::default();
     for (position, &mode) in modes.iter().enumerate() {
@@ -117,6 +122,9 @@ pub fn design(
             continue;
         }
         for actuator in mode.other_actuators(model.actuator_count()) {
+            progress(&format!(
+                "parity certificates of the mode {mode} against actuator {actuator}"
+            ));
             for (position, &length) in options.lengths.iter().enumerate() {
                 if options.lengths[..position].contains(&length) {
                     continue;
@@ -138,11 +146,12 @@ impl Designed {
     fn take(
         &mut self,
         question: FloorQuestion,
-        outcome: Result<Option<(ParityCertificate, f64)>, FailureReason>,
+        outcome: Result<Option<(ParityCertificate, f64, SolverRun)>, FailureReason>,
     ) -> Result<(), FloorError> {
         match outcome {
-            Ok(Some((certificate, gain))) => {
+            Ok(Some((certificate, gain, run))) => {
                 self.certificates.push(certificate);
+                self.runs.push(run);
                 self.floors.push(CertificateFloor {
                     question,
                     floor: 2.0 / gain,
@@ -156,12 +165,13 @@ impl Designed {
     }
 }
 
-/// The certificate of one window with its gain at threshold 1; `None` if the fault is not separable.
+/// The certificate of one window with its gain at threshold 1 and the solver's words; `None` if the fault is not
+/// separable.
 fn certificate(
     model: &LinearModel,
     nominal_state: &DVector<f64>,
     question: FloorQuestion,
-) -> Result<Option<(ParityCertificate, f64)>, FailureReason> {
+) -> Result<Option<(ParityCertificate, f64, SolverRun)>, FailureReason> {
     let bounds = NoiseBounds::from(model);
     let Some(solution) = solve(model, &bounds, nominal_state, question)? else {
         return Ok(None);
@@ -194,9 +204,9 @@ fn certificate(
         equalities.project(&mut z, REPETITIONS);
         z
     };
-    let finished =
+    let (certificate, gain) =
         finish(projected(support(&solution))).or_else(|_| finish(projected(Multipliers::from(&solution))))?;
-    Ok(Some(finished))
+    Ok(Some((certificate, gain, solution.run)))
 }
 
 impl From<&FloorSolution> for Multipliers {

@@ -15,8 +15,9 @@
 use crate::bounds::NoiseBounds;
 use crate::conic::SolverError;
 use crate::linear_program::LinearProgram;
-use crate::window_equalities::{Multipliers, WindowEqualities};
+use crate::unknown_input_filter::window_equalities::{Multipliers, WindowEqualities};
 use nalgebra::{DMatrix, DVector};
+use residual_diagnosis::gains::SolverRun;
 use residual_diagnosis::model::LinearModel;
 use residual_diagnosis::unknown_input_filter::modes::FaultMode;
 use thiserror::Error;
@@ -56,6 +57,8 @@ pub struct FloorSolution {
     pub lambda: DMatrix<f64>,
     /// μ, ny x (n + 1), oldest sample first.
     pub mu: DMatrix<f64>,
+    /// What the solver said.
+    pub run: SolverRun,
 }
 
 impl FloorSolution {
@@ -210,8 +213,8 @@ pub fn solve(
         SolverError::Unbounded { .. } => FloorError::Unlimited { actuator },
         source => FloorError::Solver { actuator, source },
     })?;
-    let gain = -solution.objective;
-    let gap = (solution.objective - solution.dual_objective).abs() / gain.max(1.0);
+    let gain = -solution.run.objective;
+    let gap = (solution.run.objective - solution.run.dual_objective).abs() / gain.max(1.0);
     let accurate = |error: f64| {
         if error <= TOLERANCE {
             Ok(())
@@ -219,7 +222,7 @@ pub fn solve(
             Err(FloorError::Inaccurate {
                 actuator,
                 error,
-                status: solution.status.clone(),
+                status: solution.run.status.clone(),
             })
         }
     };
@@ -235,7 +238,19 @@ pub fn solve(
     accurate(violation / z.largest().max(f64::MIN_POSITIVE))?;
     accurate(threshold_of(model, bounds, nominal_state, &z) - 1.0)?;
     let Multipliers { lambda, mu } = z;
-    Ok(Some(FloorSolution { gain, lambda, mu }))
+    let run = SolverRun {
+        problem: format!(
+            "largest response to fault {actuator}, mode {}, window of {n} transitions",
+            question.mode
+        ),
+        ..solution.run
+    };
+    Ok(Some(FloorSolution {
+        gain,
+        lambda,
+        mu,
+        run,
+    }))
 }
 
 fn check(

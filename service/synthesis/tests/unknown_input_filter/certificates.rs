@@ -1,19 +1,25 @@
 //! Designed certificates against the reference values and against what a test of the diagnosis makes of them.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-#[path = "common/reference.rs"]
-mod reference_files;
-
+use crate::reference_files::{aircraft, mode, plant, reference};
 use nalgebra::{DMatrix, DVector};
-use reference_files::{aircraft, mode, plant, reference};
 use residual_diagnosis::model::LinearModel;
 use residual_diagnosis::unknown_input_filter::certificate::ParityCertificate;
 use residual_diagnosis::unknown_input_filter::modes::{FaultMode, enumerate_modes};
 use residual_diagnosis::unknown_input_filter::parity::ParityTest;
 use residual_diagnosis::unknown_input_filter::parity_window::ParityWindow;
-use residual_synthesis::certificates::{CertificateOptions, Designed, FailureReason, design};
-use residual_synthesis::floors::FloorError;
+use residual_synthesis::unknown_input_filter::certificates::{
+    CertificateOptions, Designed, FailureReason, design as design_with,
+};
+use residual_synthesis::unknown_input_filter::floors::FloorError;
 use serde_json::Value;
+
+fn design(
+    model: &LinearModel,
+    modes: &[FaultMode],
+    options: &CertificateOptions,
+) -> Result<Designed, FloorError> {
+    design_with(model, modes, options, &mut |_| ())
+}
 
 fn options(lengths: &[usize], pre_samples: usize, nominal: DVector<f64>) -> CertificateOptions {
     CertificateOptions {
