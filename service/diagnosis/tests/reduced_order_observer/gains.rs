@@ -136,7 +136,7 @@ fn refusal(
 ) -> Refusal {
     let mut gains = found(options);
     change(&mut gains);
-    options.with_gains(0.1, &gains).err().expect("accepted")
+    options.with_gains(0.1, &gains).expect_err("accepted")
 }
 
 type Change = fn(&mut ReducedOrderObserverGains);
