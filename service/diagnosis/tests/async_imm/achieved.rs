@@ -12,13 +12,32 @@ fn achieved(tables: &AsyncImmTables) -> Achieved {
 #[test]
 fn thresholds_and_gaps_of_the_papers_plant_are_stated_and_no_rate_is_made_up() {
     let found = achieved(&options(example()));
-    let channels: Vec<&str> = found.thresholds.iter().map(|threshold| threshold.channel.as_str()).collect();
-    assert_eq!(channels, ["fault probability", "probability actuator 1", "probability actuator 2"]);
+    let channels: Vec<&str> = found
+        .thresholds
+        .iter()
+        .map(|threshold| threshold.channel.as_str())
+        .collect();
+    assert_eq!(
+        channels,
+        [
+            "fault probability",
+            "probability actuator 1",
+            "probability actuator 2"
+        ]
+    );
     assert!(found.thresholds.iter().all(|threshold| threshold.settled == 0.9));
     assert_eq!(found.inequalities.len(), 2);
-    assert!(found.inequalities.iter().all(|gap| (gap.margin - 0.905).abs() < 5e-4));
+    assert!(
+        found
+            .inequalities
+            .iter()
+            .all(|gap| (gap.margin - 0.905).abs() < 5e-4)
+    );
     let alarms = found.false_alarms.unwrap();
-    assert_eq!((alarms.probability_per_instant, alarms.expected_per_hour), (None, None));
+    assert_eq!(
+        (alarms.probability_per_instant, alarms.expected_per_hour),
+        (None, None)
+    );
     assert!(alarms.provided_that.contains("simulation") && alarms.provided_that.contains("0.9 for 2"));
     assert!(found.faults.is_empty());
     // A declaration takes L = 2 instants.

@@ -17,11 +17,20 @@ fn achieved(options: &ChiSquareOptions) -> Achieved {
 fn filter_threshold_and_rate_of_the_stable_example_are_stated() {
     let options = only(without_calibration(scalar(0.8)), StatisticKind::Residual);
     let found = achieved(&options);
-    let near = |name: &str, found: f64, expected: f64| assert_near(|| name.to_owned(), found, expected, 1e-9, 0.0);
-    near("pole", found.poles[0].values[0][0], 0.8 * (1.0 - 0.578050593550836));
+    let near =
+        |name: &str, found: f64, expected: f64| assert_near(|| name.to_owned(), found, expected, 1e-9, 0.0);
+    near(
+        "pole",
+        found.poles[0].values[0][0],
+        0.8 * (1.0 - 0.578050593550836),
+    );
     near("P", found.norms[0].value.powi(2), 0.00578050593550836);
     near("S", found.norms[1].value.powi(2), 0.023699523798725357);
-    let residual = found.thresholds.iter().find(|threshold| threshold.channel == "residual").unwrap();
+    let residual = found
+        .thresholds
+        .iter()
+        .find(|threshold| threshold.channel == "residual")
+        .unwrap();
     near("t_1", residual.settled, 7.879438576622419);
     assert_eq!(residual.never_fires, None);
     let alarms = found.false_alarms.as_ref().unwrap();
@@ -29,7 +38,10 @@ fn filter_threshold_and_rate_of_the_stable_example_are_stated() {
     near("per hour", alarms.expected_per_hour.unwrap(), 18.0);
     // The first innovation is N(f, S): sqrt(t) and the 90 % quantile of a normal variable make 4.0886 deviations.
     let first = found.faults[0].delays[0];
-    assert!((first.size / (4.088_585 * 0.023699523798725357_f64.sqrt()) - 1.0).abs() < 1e-5, "{first:?}");
+    assert!(
+        (first.size / (4.088_585 * 0.023699523798725357_f64.sqrt()) - 1.0).abs() < 1e-5,
+        "{first:?}"
+    );
     assert_eq!((first.within_s, found.faults[0].assurance), (0.0, 0.9));
     assert_eq!(found.violated(), None);
 }
@@ -41,8 +53,13 @@ fn rates_over_a_run_become_rates_per_instant_and_fixed_thresholds_have_none() {
     let found = achieved(&options).false_alarms.unwrap();
     let expected = -(0.95_f64.ln()) / 200.0;
     assert!((found.probability_per_instant.unwrap() / expected - 1.0).abs() < 1e-12);
-    let fixed = achieved(&only(without_calibration(scalar(0.8)), StatisticKind::Glr)).false_alarms.unwrap();
-    assert_eq!((fixed.probability_per_instant, fixed.expected_per_hour), (None, None));
+    let fixed = achieved(&only(without_calibration(scalar(0.8)), StatisticKind::Glr))
+        .false_alarms
+        .unwrap();
+    assert_eq!(
+        (fixed.probability_per_instant, fixed.expected_per_hour),
+        (None, None)
+    );
     assert!(fixed.provided_that.contains("`glr`"), "{}", fixed.provided_that);
 }
 
@@ -67,13 +84,22 @@ fn detected(options: &ChiSquareOptions, size: f64, instants: usize) -> f64 {
 
 #[test]
 fn a_fault_of_the_stated_size_is_detected_in_time_with_the_stated_probability() {
-    for kind in [StatisticKind::Residual, StatisticKind::StateWindow, StatisticKind::Glr] {
+    for kind in [
+        StatisticKind::Residual,
+        StatisticKind::StateWindow,
+        StatisticKind::Glr,
+    ] {
         let mut options = only(without_calibration(scalar(0.8)), kind);
         options.glr.window_steps = 30;
         let found = achieved(&options);
         let fault = &found.faults[0];
         let delays: Vec<f64> = fault.delays.iter().map(|delay| delay.within_s).collect();
-        assert!(fault.delays.is_sorted_by(|a, b| a.size > b.size && a.within_s < b.within_s), "{delays:?}");
+        assert!(
+            fault
+                .delays
+                .is_sorted_by(|a, b| a.size > b.size && a.within_s < b.within_s),
+            "{delays:?}"
+        );
         for delay in fault.delays.iter().filter(|delay| delay.within_s < 30.0) {
             let share = detected(&options, delay.size, delay.within_s as usize + 1);
             assert!(share > 0.9 - 0.055, "{kind:?} {delay:?}: {share}");
@@ -102,11 +128,19 @@ fn one_sensor_tells_its_own_fault_from_one_of_the_process_only_by_the_second_sam
     let found = achieved(&options);
     assert_eq!(found.faults.len(), 2);
     assert_eq!(found.isolability.len(), 2);
-    assert!(found.isolability.iter().all(|pair| pair.instants == Some(2)), "{:?}", found.isolability);
+    assert!(
+        found.isolability.iter().all(|pair| pair.instants == Some(2)),
+        "{:?}",
+        found.isolability
+    );
     // At a = 0 both leave the same trace but for the first sample's scale: with a unit process fault they are equal.
     options.model.transition = vec![vec![0.0]];
     let found = achieved(&options);
-    assert!(found.isolability.iter().all(|pair| pair.instants.is_none()), "{:?}", found.isolability);
+    assert!(
+        found.isolability.iter().all(|pair| pair.instants.is_none()),
+        "{:?}",
+        found.isolability
+    );
 }
 
 #[test]
@@ -119,11 +153,19 @@ fn what_is_stated_of_all_statistics_is_verified_from_a_gains_file() {
     let found = options.find_gains(0.1).unwrap();
     let designed = options.with_gains(0.1, &found.gains).unwrap();
     assert_eq!(designed.achieved.faults.len(), 2);
-    let entry = Entry::new("tests", &options, 0.1, &found, designed.achieved).unwrap();
-    let gains = entry.gains(&options, 0.1).unwrap();
-    let again = options.with_gains(0.1, &gains).unwrap();
+    let entry = Entry {
+        name: "tests".to_owned(),
+        method: ChiSquareOptions::METHOD.to_owned(),
+        sample_time_s: 0.1,
+        inputs: String::new(),
+        warnings: Vec::new(),
+        solver: Vec::new(),
+        gains: toml::Table::new(),
+        achieved: designed.achieved,
+    };
+    let again = options.with_gains(0.1, &found.gains).unwrap();
     entry.verify(&again.achieved, TOLERANCE).unwrap();
     options.model.measurement_noise_covariance[0][0] *= 1.01;
-    let other = options.with_gains(0.1, &gains).unwrap();
+    let other = options.with_gains(0.1, &found.gains).unwrap();
     assert!(entry.verify(&other.achieved, TOLERANCE).is_err());
 }

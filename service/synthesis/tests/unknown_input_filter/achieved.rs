@@ -191,7 +191,10 @@ fn the_fixed_gain_of_the_aircraft_forgets_within_one_step() {
         );
     }
     // L_fix = C⁻¹: the radius of the set is that of the strip (fact 14).
-    let radii = achieved.norms.iter().filter(|norm| norm.name.starts_with("settled"));
+    let radii = achieved
+        .norms
+        .iter()
+        .filter(|norm| norm.name.starts_with("settled"));
     let radii: Vec<f64> = radii.map(|norm| norm.value).collect();
     assert_eq!(radii.len(), 24);
     for radii in radii.chunks(4) {

@@ -4,7 +4,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use residual_diagnosis::diagnoser::{Diagnoser, StepInput, StepRecord};
 use residual_diagnosis::gains::FoundGains;
-use residual_diagnosis::gains::file::{Entry, GainsFile, TOLERANCE, VERSION};
+use residual_diagnosis::gains::file::{Entry, GainsFile, TOLERANCE, VERSION, hash_of_inputs};
 use residual_diagnosis::method::{Designed, MethodOptions};
 use residual_diagnosis::unknown_input_filter::gains::UnknownInputFilterGains;
 use residual_diagnosis::unknown_input_filter::tables::UnknownInputFilterTables;
@@ -50,7 +50,16 @@ pub fn design(tables: &UnknownInputFilterTables) -> Designed {
 
 /// The text of a gains file for one diagnoser.
 pub fn written(tables: &UnknownInputFilterTables, found: &Found, designed: &Designed) -> String {
-    let entry = Entry::new("bank", tables, PERIOD_S, found, designed.achieved.clone()).unwrap();
+    let entry = Entry {
+        name: "bank".to_owned(),
+        method: UnknownInputFilterTables::METHOD.to_owned(),
+        sample_time_s: PERIOD_S,
+        inputs: hash_of_inputs(tables, PERIOD_S).unwrap(),
+        warnings: found.warnings.clone(),
+        solver: found.solver.clone(),
+        gains: toml::Table::try_from(&found.gains).unwrap(),
+        achieved: designed.achieved.clone(),
+    };
     let file = GainsFile {
         version: VERSION,
         tool: "test".to_owned(),
@@ -58,11 +67,11 @@ pub fn written(tables: &UnknownInputFilterTables, found: &Found, designed: &Desi
         tolerance: TOLERANCE,
         diagnoser: vec![entry],
     };
-    toml::to_string(&file).unwrap()
+    file.to_text("a test").unwrap()
 }
 
 pub fn read(text: &str) -> Entry {
-    GainsFile::parse(text).unwrap().entry("bank").unwrap().clone()
+    GainsFile::parse(text).unwrap().entry("bank").unwrap().1.clone()
 }
 
 /// A random plant with n states and two actuators; every second one has fewer outputs than states.
