@@ -2,7 +2,8 @@
 //!
 //! Nothing here runs in real time. [`identify`] finds the bounds of a model from fault-free recordings; [`floors`]
 //! finds the smallest fault that any method can guarantee to detect under given bounds, and [`certificates`] the
-//! tests that detect it. They are [linear programs](linear_program). Gains under matrix inequalities are
+//! tests that detect it. They are [linear programs](linear_program). Gains under matrix inequalities
+//! ([`hinf_filter::lmi`]) are
 //! [semidefinite programs](semidefinite). All are solved by one [interior-point method](conic); no result is taken
 //! from the solver unchecked.
 
@@ -10,6 +11,7 @@ pub mod bounds;
 pub mod certificates;
 pub mod conic;
 pub mod floors;
+pub mod hinf_filter;
 pub mod identify;
 mod lapack;
 pub mod linear_program;
