@@ -12,8 +12,8 @@ use residual_diagnosis::{
     decomposition::eigenvalues, gains::SolverRun, hinf_filter::plant::zoh, norms::System,
 };
 use residual_synthesis::hinf_filter::lmi::{
-    ErrorPlant, LmiError, LmiGain, Normalisation, Region, Time, definiteness, inequalities::bounded_real,
-    mixed, paper, two_stage_continuous, two_stage_discrete,
+    ErrorPlant, LmiError, LmiGain, Normalisation, Region, Time, mixed, paper, strictness,
+    two_stage_continuous, two_stage_discrete,
 };
 use std::{
     collections::BTreeSet,
@@ -76,14 +76,10 @@ impl Plant {
 type Outcome = Result<(Vec<SolverRun>, Option<f64>), LmiError>;
 
 fn margin(time: Time, plant: &Plant, found: &LmiGain) -> f64 {
-    let (x, a) = (&found.lyapunov, &plant.a - &found.gain * &plant.c);
-    let system = System::new(&a, &(&plant.bd - &found.gain * &plant.dd), &plant.c, &plant.dd);
-    let terms = (x * &system.a, x * &system.b);
-    let matrix = bounded_real(time, x, terms, (&system.c, &system.d), 1.0, found.bound);
-    definiteness(&match time {
-        Time::Continuous => -matrix,
-        Time::Discrete => matrix,
-    })
+    let a = &plant.a - &found.gain * &plant.c;
+    let b = &plant.bd - &found.gain * &plant.dd;
+    let system = System::new(&a, &b, &plant.c, &plant.dd);
+    strictness(time, &system, &found.lyapunov, found.bound)
 }
 
 fn continuous(seed: u64, n: usize) -> Outcome {
