@@ -116,7 +116,7 @@ fn the_units_of_the_states_do_not_matter_within_twelve_decades() {
                 );
             }
             Err(error) => {
-                let named = ["condition", "level", "solver stopped"];
+                let named = ["condition", "level", "region", "solver stopped"];
                 let message = error.to_string();
                 assert!(
                     exponent > 6 && named.iter().any(|word| message.contains(word)),

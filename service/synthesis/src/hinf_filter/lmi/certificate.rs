@@ -106,8 +106,8 @@ fn most_strict(time: Time, system: &System, level: f64) -> Option<DMatrix<f64>> 
 
 /// Fails unless all poles of a system lie in the region.
 pub(super) fn check_poles(time: Time, system: &System, region: &Region) -> Result<(), LmiError> {
-    let violated = |margin: f64| LmiError::Recovery {
-        condition: format!("{} of all poles", region.describe(time)),
+    let violated = |margin: f64| LmiError::OutsideRegion {
+        region: region.describe(time),
         margin,
     };
     let poles = eigenvalues(&system.a).ok_or_else(|| violated(f64::INFINITY))?;
@@ -183,7 +183,7 @@ mod tests {
                 radius: Some(0.4),
             };
             let error = check_poles(time, &system, &small).unwrap_err();
-            assert!(error.to_string().contains("|λ| < 0.4 of all poles"), "{error}");
+            assert!(error.to_string().contains("the region |λ| < 0.4;"), "{error}");
         }
     }
 }

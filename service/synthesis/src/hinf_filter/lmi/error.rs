@@ -71,6 +71,17 @@ pub enum LmiError {
         /// σ_max(Dd).
         least: f64,
     },
+    /// A pole of the recovered gain lies outside the region.
+    #[error(
+        "a pole of the gain recovered from the solver's point lies {margin:e} outside the region {region}; scale \
+         states, disturbances and outputs to comparable size or enlarge the region"
+    )]
+    OutsideRegion {
+        /// The region in symbols.
+        region: String,
+        /// How far outside.
+        margin: f64,
+    },
     /// What was recovered from the solver's point does not do what it should.
     #[error(
         "the gain recovered from the solver's point fails the condition {condition} by {margin:e}; scale states, \

@@ -89,7 +89,7 @@ pub fn mixed(
     check_matrix("Bf", bf, (plant.a.nrows(), bf.ncols()))?;
     check_matrix("Df", df, (plant.c.nrows(), bf.ncols()))?;
     region.check(time, plant)?;
-    let scaled = ScaledPlant::new(time, plant)?;
+    let scaled = ScaledPlant::new(time, plant, plant.disturbance_size()?);
     let size = |matrix: &DMatrix<f64>| SingularDecomposition::new(matrix).largest();
     let fault_size = match (size(df), size(&scaled.input(bf))) {
         (direct, _) if direct > 0.0 => direct,

@@ -45,7 +45,7 @@ impl ErrorPlant<'_> {
         Ok(())
     }
 
-    /// σ_max(Dd), or σ_max(Bd) if Dd is zero: the size of the disturbance.
+    /// σ_max(Dd), or σ_max(Bd) if Dd is zero: δ, the size of the disturbance.
     pub(super) fn disturbance_size(&self) -> Result<f64, LmiError> {
         match (self.direct(), SingularDecomposition::new(self.bd).largest()) {
             (0.0, 0.0) => Err(LmiError::NoDisturbance),
@@ -130,16 +130,15 @@ impl Region {
         }
     }
 
-    /// The first success among slightly smaller and smaller regions within this one, tried while what is recovered
-    /// from the solver's point fails: solutions prefer the edge of the region.
+    /// The first success among slightly smaller and smaller regions within this one, tried while a pole lies
+    /// outside this one: solutions prefer the edge of the region.
     pub(super) fn within<T>(&self, attempt: impl Fn(&Self) -> Result<T, LmiError>) -> Result<T, LmiError> {
         let mut result = attempt(&self.tightened(TIGHTENING));
         for part in WIDER_TIGHTENINGS {
-            let again = matches!(result, Err(LmiError::Recovery { .. }));
-            if !again || (self.decay.is_none() && self.radius.is_none()) {
-                break;
+            let given = self.decay.is_some() || self.radius.is_some();
+            if given && matches!(result, Err(LmiError::OutsideRegion { .. })) {
+                result = attempt(&self.tightened(part));
             }
-            result = attempt(&self.tightened(part));
         }
         result
     }

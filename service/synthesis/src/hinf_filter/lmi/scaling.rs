@@ -1,6 +1,6 @@
 //! Units in which the solver sees a plant: the disturbance in δ, the state in T, T T' = Π (method sheet 3.3).
 
-use super::{ErrorPlant, LmiError, Time};
+use super::{ErrorPlant, Time};
 use nalgebra::{DMatrix, DVector};
 use residual_diagnosis::{
     decomposition::{SingularDecomposition, SymmetricDecomposition},
@@ -31,11 +31,10 @@ pub(super) struct ScaledPlant {
 
 impl ScaledPlant {
     /// A ← T⁻¹AT, Bd ← T⁻¹Bd/δ, C ← CT, Dd ← Dd/δ.
-    pub(super) fn new(time: Time, plant: &ErrorPlant<'_>) -> Result<Self, LmiError> {
-        let delta = plant.disturbance_size()?;
+    pub(super) fn new(time: Time, plant: &ErrorPlant<'_>, delta: f64) -> Self {
         let (bd, dd) = (plant.bd / delta, plant.dd / delta);
         let (t, inverse) = state_units(time, plant, &bd, &dd);
-        Ok(Self {
+        Self {
             a: &inverse * plant.a * &t,
             bd: &inverse * bd,
             c: plant.c * &t,
@@ -43,7 +42,7 @@ impl ScaledPlant {
             delta,
             t,
             inverse,
-        })
+        }
     }
 
     /// The plant in the solver's units.

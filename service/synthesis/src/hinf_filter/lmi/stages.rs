@@ -4,9 +4,15 @@ use super::{
     ErrorPlant, LmiError, Region, Time,
     inequalities::{bounded_real_of_gain, decay, radius},
 };
-use crate::semidefinite::{MatrixVariable, SemidefiniteProgram};
+use crate::{
+    conic::SolverError,
+    semidefinite::{MatrixVariable, SemidefiniteError, SemidefiniteProgram},
+};
 use nalgebra::DMatrix;
 use residual_diagnosis::gains::SolverRun;
+
+/// Largest difference of the primal and the dual objective, relative, for which γ₁ counts as found.
+const OPEN_GAP: f64 = 1e-3;
 
 /// A point of a stage.
 pub(super) struct Stage {
@@ -45,12 +51,16 @@ impl<'a> Conditions<'a> {
         let solution = problem
             .solve()
             .map_err(|source| self.refused("stage 1", source))?;
-        let (x, w) = (solution.value(x), solution.value(w));
+        let (x, w, run) = (solution.value(x), solution.value(w), solution.run.clone());
+        if !((run.objective - run.dual_objective).abs() <= OPEN_GAP * run.objective.abs()) {
+            let status = format!("{}, {} above {}", run.status, run.objective, run.dual_objective);
+            return Err(self.refused("stage 1", SolverError::Failed { status }.into()));
+        }
         Ok(Stage {
             level: solution.number(level),
             gain: recovered(&x, &w)?,
             x,
-            run: solution.run,
+            run,
         })
     }
 
@@ -102,7 +112,7 @@ impl<'a> Conditions<'a> {
         }
     }
 
-    fn refused(&self, problem: &str, source: crate::semidefinite::SemidefiniteError) -> LmiError {
+    fn refused(&self, problem: &str, source: SemidefiniteError) -> LmiError {
         LmiError::Solver {
             problem: format!("two-stage bounded-real, {problem}"),
             region: self.asked.describe(self.time),

@@ -15,6 +15,9 @@ pub(super) const CLAIM: f64 = 1e-3;
 /// A level below σ_max(Dd) by more than this part is a failure of the solver (method sheet 3.5).
 const BELOW_DIRECT: f64 = 1e-6;
 
+/// A larger δ, tried where the solver fails: with a small Dd and a region the smallest γ is far above σ_max(Dd).
+const LARGER_UNIT: f64 = 30.0;
+
 /// A gain with its proof.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LmiGain {
@@ -56,11 +59,20 @@ pub fn two_stage_discrete(plant: &ErrorPlant<'_>, region: &Region, slack: f64) -
 fn two_stage(time: Time, plant: &ErrorPlant<'_>, region: &Region, slack: f64) -> Result<LmiGain, LmiError> {
     plant.check()?;
     region.check(time, plant)?;
-    let scaled = ScaledPlant::new(time, plant)?;
+    let size = plant.disturbance_size()?;
     if time == Time::Continuous && plant.is_silent() && region.radius.is_none() {
         return Err(LmiError::Unbounded);
     }
-    region.within(|tightened| attempt(time, plant, &scaled, (region, tightened), slack))
+    let in_units = |delta: f64| {
+        let scaled = ScaledPlant::new(time, plant, delta);
+        region.within(|tightened| attempt(time, plant, &scaled, (region, tightened), slack))
+    };
+    match in_units(size) {
+        Err(LmiError::Solver { .. } | LmiError::ImpossibleLevel { .. } | LmiError::Recovery { .. }) => {
+            in_units(LARGER_UNIT * size)
+        }
+        result => result,
+    }
 }
 
 /// Both stages in a region within the one that is checked.
