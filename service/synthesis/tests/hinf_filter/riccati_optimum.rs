@@ -34,7 +34,7 @@ fn compare(count: usize) {
             difference.abs() < 1e-6,
             "{index}: {difference:e}, {iterations} iterations"
         );
-        assert!(iterations <= 40, "{index}: {iterations} iterations");
+        assert!(iterations <= 25, "{index}: {iterations} iterations");
     }
 }
 
