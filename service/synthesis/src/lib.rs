@@ -1,13 +1,13 @@
 //! Off-line design for model-based fault diagnosis: the work that needs a solver.
 //!
-//! Nothing here runs in real time. [`identify`] finds the bounds of a model from fault-free recordings;
-//! [`unknown_input_filter`] the smallest fault that any method can guarantee to detect under given bounds, and the
-//! tests that detect it. They are [linear programs](linear_program). Gains under matrix inequalities are
-//! [semidefinite programs](semidefinite). All are solved by one [interior-point method](conic); no result is taken
-//! from the solver unchecked.
+//! Nothing here runs in real time. One module a method finds its gains: [`unknown_input_filter`] by linear programs,
+//! [`reduced_order_observer`] and [`hinf_filter`] by matrix inequalities; [`identify`] finds models and their bounds in
+//! recordings. [Linear programs](linear_program) and [semidefinite programs](semidefinite) are solved by one
+//! [interior-point method](conic); no result is taken from the solver unchecked.
 
 pub mod bounds;
 pub mod conic;
+pub mod hinf_filter;
 pub mod identify;
 mod lapack;
 pub mod linear_program;
