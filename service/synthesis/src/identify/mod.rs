@@ -26,7 +26,10 @@
 
 mod error;
 mod evaluate;
+mod likelihood;
+pub mod model;
 mod options;
+pub mod regression;
 mod report;
 mod run_data;
 mod search;
