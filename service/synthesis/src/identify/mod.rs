@@ -37,7 +37,7 @@ mod trajectory;
 
 pub use error::IdentifyError;
 pub use options::{IdentifyOptions, NoiseSearch};
-pub use report::{Identification, LadderStep, StepBounds, StepOutcome};
+pub use report::{Figures, Identification, LadderStep, StepBounds, StepOutcome};
 pub use run_data::RunData;
 
 use evaluate::Evaluator;

@@ -179,7 +179,7 @@ pub enum ModelIdentificationError {
     /// Entries that the data do not determine.
     #[error(
         "the data do not determine {}: they can be changed together without any change of the predictions; fix all \
-         but as many as the recordings show, or record runs that excite them",
+         but as many as the recordings show, record runs that excite them, or start nearer to the truth",
         names.join(", ")
     )]
     Undetermined {
