@@ -55,7 +55,7 @@ pub enum Command {
     Demo(DemoArguments),
     /// Replay a recording instead of sensors, in this process or through a running daemon.
     Replay(replay::ReplayArguments),
-    /// Identify disturbance and noise bounds from a fault-free recording.
+    /// Identify a model, its disturbance and noise bounds, or its covariances from a fault-free recording.
     Identify(identify::IdentifyArguments),
     /// The publisher of the demonstration.
     #[command(hide = true)]
