@@ -53,7 +53,7 @@ pub fn read(
     let roles = ColumnRoles {
         time: &file.recording.time_column,
         run: file.recording.run_column.as_deref(),
-        kind: None,
+        kind: file.recording.kind_column.as_deref(),
         fault: file.recording.fault_column.as_deref(),
     };
     let recording = Recording::read(path, roles).into_diagnostic()?;

@@ -53,6 +53,9 @@ pub struct RecordingOptions {
     /// Column that tells the runs apart.
     #[serde(default)]
     pub run_column: Option<String>,
+    /// Column with the kind of each run, which is no number; not used.
+    #[serde(default)]
+    pub kind_column: Option<String>,
     /// Column that labels faults; rows from the first labelled one of a run on are left out.
     #[serde(default)]
     pub fault_column: Option<String>,

@@ -8,10 +8,14 @@ use residual_diagnosis::decomposition::SingularDecomposition;
 
 /// Most iterations.
 const ITERATIONS: usize = 100;
-/// The search ends when a step would lower ℓ by less than this: a thousandth of a standard error in every direction.
-const DECREMENT: f64 = 1e-6;
-/// A search that cannot lower ℓ any more, though a step should lower it by this, has failed.
-const STALLED_DECREMENT: f64 = 1e-2;
+/// The search ends when a step would lower ℓ by less than this: a 200th of a standard error in every direction.
+const DECREMENT: f64 = 1e-5;
+/// A search that cannot lower ℓ any more, or ran out of iterations, has failed if a step should still lower it by this.
+const STALLED_DECREMENT: f64 = 1e-3;
+/// Lowering of ℓ, as a share of what the quadratic model foretells, below which the next step is damped more, and above
+/// which less: the information of real noise, which is not Gaussian, may differ much from the curvature of ℓ.
+const POOR_STEP: f64 = 0.25;
+const GOOD_STEP: f64 = 0.75;
 /// Eigenvalue of the information, scaled to a unit diagonal, below which a direction is not determined.
 const UNDETERMINED: f64 = 1e-9;
 /// Displacement of the central differences, in standard errors, and relative to the parameter.
@@ -68,7 +72,7 @@ impl Likelihood<'_> {
             decrement = scoring_step(&found, &free, 1e-9).map_or(0.0, |step| {
                 -free.iter().zip(step.iter()).map(|(&i, step)| found.gradient[i] * step).sum::<f64>()
             });
-            let lowered = if decrement > DECREMENT {
+            let lowered = if decrement > DECREMENT && iterations + 1 < ITERATIONS {
                 self.lower(pieces, &mut theta, &found, &free, &mut damping)
             } else {
                 false
@@ -88,8 +92,10 @@ impl Likelihood<'_> {
                 });
             }
         }
-        let iterations = ITERATIONS;
-        Err(MaximumError::NotConverged { iterations, decrement })
+        Err(MaximumError::NotConverged {
+            iterations: ITERATIONS,
+            decrement,
+        })
     }
 
     /// Takes the first damped step that lowers ℓ; false if none does.
@@ -109,13 +115,21 @@ impl Likelihood<'_> {
                     let step = step.clamp(-unknown.largest_step, unknown.largest_step);
                     trial[i] = (trial[i] + step).clamp(unknown.range.0, unknown.range.1);
                 }
-                if self.value(&trial, pieces.iter().copied()) < found.value {
+                let value = self.value(&trial, pieces.iter().copied());
+                if value < found.value {
+                    let taken = DVector::from_fn(theta.len(), |i, _| trial[i] - theta[i]);
+                    let foretold = -found.gradient.dot(&taken) - 0.5 * taken.dot(&(&found.information * &taken));
+                    let share = (found.value - value) / foretold;
+                    if share > GOOD_STEP {
+                        *damping = (*damping * 0.2).max(1e-12);
+                    } else if !(share >= POOR_STEP) {
+                        *damping *= 5.0;
+                    }
                     *theta = trial;
-                    *damping = (*damping * 0.1).max(1e-12);
                     return true;
                 }
             }
-            *damping *= 10.0;
+            *damping = (*damping * 10.0).max(1e-3);
         }
         *damping = 1e-3;
         false
