@@ -22,7 +22,9 @@ use clap::Args;
 use indicatif::ProgressBar;
 use miette::{Diagnostic, IntoDiagnostic, WrapErr};
 use residual_diagnosis::model::LinearModel;
-use residual_synthesis::identify::{Identification, IdentifyOptions, Progress, RunData, identify_bounds};
+use residual_synthesis::identify::{
+    Identification, IdentifyError, IdentifyOptions, Progress, RunData, identify_bounds,
+};
 
 use super::replay::{ReplayError, progress_style};
 use crate::replay::selection::RunSelection;
@@ -173,15 +175,44 @@ pub fn part_name(run: &str, part: usize, parts: usize) -> String {
     format!("{run} part {}", part + 1).trim_start().to_owned()
 }
 
-/// The bounds of a model, with a progress bar.
+/// Noise scales of a model whose unit of noise is what its predictions miss: noise is no larger than that.
+const NOISE_SCALES: [f64; 5] = [0.25, 0.35, 0.5, 0.7, 1.0];
+
+/// The bounds of a model whose unit of noise is three standard deviations of its innovations. Recordings that contradict
+/// every such bound get the wider search of a model of unknown units.
+fn bounds_of_innovations(
+    arguments: &IdentifyArguments,
+    model: &LinearModel,
+    runs: &Split<RunData>,
+) -> miette::Result<Identification> {
+    match search_bounds(arguments, model, runs, NOISE_SCALES.to_vec()) {
+        Err(IdentifyError::Infeasible { .. }) => bounds_of(arguments, model, runs),
+        found => found.into_diagnostic().wrap_err(NO_BOUNDS),
+    }
+}
+
+/// The bounds of a model in the units of its present ones.
 fn bounds_of(
     arguments: &IdentifyArguments,
     model: &LinearModel,
     runs: &Split<RunData>,
 ) -> miette::Result<Identification> {
+    let scales = IdentifyOptions::default().noise_scales;
+    search_bounds(arguments, model, runs, scales).into_diagnostic().wrap_err(NO_BOUNDS)
+}
+
+const NO_BOUNDS: &str = "the bounds cannot be identified";
+
+fn search_bounds(
+    arguments: &IdentifyArguments,
+    model: &LinearModel,
+    runs: &Split<RunData>,
+    noise_scales: Vec<f64>,
+) -> Result<Identification, IdentifyError> {
     let options = IdentifyOptions {
         margin: arguments.margin,
         window: arguments.window,
+        noise_scales,
         ..Default::default()
     };
     let bar = ProgressBar::new(0).with_style(progress_style());
@@ -190,9 +221,7 @@ fn bounds_of(
         bar.set_position(progress.runs_done as u64);
         bar.set_message(format!("noise scales {:?}", progress.noise_scales));
     };
-    let found = identify_bounds(model, &runs.training, &runs.validation, &options, &mut progress)
-        .into_diagnostic()
-        .wrap_err("the bounds cannot be identified");
+    let found = identify_bounds(model, &runs.training, &runs.validation, &options, &mut progress);
     bar.finish_and_clear();
     found
 }

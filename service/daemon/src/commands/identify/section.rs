@@ -71,7 +71,9 @@ impl Section {
         }
         for noise in &found.noise {
             if noise.name.starts_with("standard") {
-                let what = if noise.at_limit { "0: none is needed".to_owned() } else {
+                let what = if noise.at_limit {
+                    format!("{:.1e}, the end of its range: the data need none", noise.value.exp())
+                } else {
                     format!("{:.3e} +- {:.1} %", noise.value.exp(), 100.0 * noise.standard_error)
                 };
                 self.comment(format_args!("{}: {what}", noise.name));

@@ -10,7 +10,7 @@ use residual_synthesis::identify::regression::SignalRun;
 use super::given::observer_bounds;
 use super::section::Section;
 use super::structure_file::{StructureFile, Target};
-use super::{IdentifyArguments, Split, bounds_of, signals};
+use super::{IdentifyArguments, Split, bounds_of_innovations, signals};
 
 /// Standard deviations that a bound has before its search: its unit.
 const UNIT: f64 = 3.0;
@@ -122,7 +122,7 @@ fn with_bounds(
     let smallest = SMALL_UNIT * if disturbance.amax() > 0.0 { disturbance.amax() } else { 1.0 };
     let model = Bounded {
         disturbance: disturbance.iter().map(|unit| unit.max(smallest)).collect(),
-        measurement: deviations(&found.measurement_noise_covariance).iter().copied().collect(),
+        measurement: found.training.rms.iter().map(|rms| UNIT * rms).collect(),
         center: found.initial_state.0.iter().copied().collect(),
         // The likelihood takes the state as spread evenly over the box: variance r²/3.
         radius: found.initial_state.1.diagonal().iter().map(|variance| (3.0 * variance).sqrt()).collect(),
@@ -167,7 +167,7 @@ impl Bounded {
             ..ModelOptions::default()
         };
         let model = LinearModel::new(&options, file.sample_time_s).into_diagnostic()?;
-        let bounds = bounds_of(arguments, &model, runs)?;
+        let bounds = bounds_of_innovations(arguments, &model, runs)?;
         section.comment(bounds.figures());
         section.line("[diagnoser.model]");
         if self.continuous {

@@ -7,8 +7,6 @@ use super::Unknown;
 use nalgebra::{DMatrix, DVector};
 use residual_diagnosis::covariance::{CovarianceError, positive_definite_factor};
 
-/// How far below the start a standard deviation may sink before it counts as zero.
-const SMALLEST: f64 = 1e-4;
 /// How far above.
 const LARGEST: f64 = 1e6;
 
@@ -78,8 +76,8 @@ impl NoiseForm {
         self.places().count()
     }
 
-    /// The unknowns; `name` tells what row i is.
-    pub(in crate::identify) fn unknowns(&self, name: impl Fn(usize) -> String) -> Vec<Unknown> {
+    /// The unknowns; `name` tells what row i is, and `smallest` how far below its start a standard deviation may sink.
+    pub(in crate::identify) fn unknowns(&self, smallest: f64, name: impl Fn(usize) -> String) -> Vec<Unknown> {
         let deviations = self.start_deviations();
         let unknown = |(i, j): (usize, usize)| {
             if i == j {
@@ -87,7 +85,7 @@ impl NoiseForm {
                 Unknown {
                     name: name(i),
                     start,
-                    range: (start + SMALLEST.ln(), start + LARGEST.ln()),
+                    range: (start + smallest.ln(), start + LARGEST.ln()),
                     largest_step: 2.0,
                 }
             } else {
@@ -136,7 +134,7 @@ mod tests {
         ] {
             let form = NoiseForm::like(&covariance).unwrap();
             let start: Vec<f64> = form
-                .unknowns(|i| i.to_string())
+                .unknowns(1e-4, |i| i.to_string())
                 .iter()
                 .map(|one| one.start)
                 .collect();

@@ -186,13 +186,4 @@ pub enum ModelIdentificationError {
         /// The unknowns.
         names: Vec<String>,
     },
-    /// An output without noise.
-    #[error(
-        "the {name} vanishes: the disturbances explain this output to the last digit; let them act on fewer states, \
-         or use unrounded recordings"
-    )]
-    NoNoise {
-        /// Which noise.
-        name: String,
-    },
 }

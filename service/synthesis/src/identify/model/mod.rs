@@ -24,11 +24,15 @@ use super::likelihood::{Likelihood, Unknown};
 use super::run_data::{Piece, RunData, Widths, cut};
 use super::IdentifyError;
 use crate::bounds::round;
+use nalgebra::DMatrix;
 
 /// Groups of runs that are left out in turn.
 const FOLDS: usize = 5;
 /// Measured values needed for each unknown.
 const ELEMENTS_PER_UNKNOWN: usize = 10;
+/// How far below its start the standard deviation of a disturbance may sink before it counts as zero, and that of the
+/// noise of a measurement, which keeps this value so that R stays positive definite.
+const SMALLEST: (f64, f64) = (1e-4, 1e-3);
 /// Significant digits of the parameters, and of the entries and covariances that follow from them.
 const DIGITS: (usize, usize) = (6, 8);
 
@@ -83,7 +87,7 @@ pub fn identify_model(
         Some(predict(&likelihood, &maximum.theta, &held_out)?)
     };
 
-    let (q, r) = covariances(&likelihood, &maximum)?;
+    let (q, r) = covariances(&likelihood, &maximum);
     let parameters: Vec<FoundParameter> = structure
         .parameters
         .iter()
@@ -147,8 +151,8 @@ fn likelihood<'a>(
     let disturbance = form(&structure.disturbance, &disturbance_guess);
     let measurement = form(&structure.measurement, &measurement_guess);
     let model_count = unknowns.len();
-    unknowns.extend(disturbance.unknowns(|j| format!("standard deviation of disturbance {j}")));
-    unknowns.extend(measurement.unknowns(|i| format!("standard deviation of the noise of measurement {i}")));
+    unknowns.extend(disturbance.unknowns(SMALLEST.0, |j| format!("standard deviation of disturbance {j}")));
+    unknowns.extend(measurement.unknowns(SMALLEST.1, |i| format!("standard deviation of the noise of measurement {i}")));
     Ok(Likelihood {
         plant,
         unknowns,
@@ -207,29 +211,22 @@ fn predict(likelihood: &Likelihood<'_>, theta: &[f64], pieces: &[&Piece]) -> Res
         .ok_or(ModelIdentificationError::Start)
 }
 
-/// Q and R; what sank to the end of its range is zero, which R must not be.
-fn covariances(
-    likelihood: &Likelihood<'_>,
-    maximum: &Maximum,
-) -> Result<(nalgebra::DMatrix<f64>, nalgebra::DMatrix<f64>), ModelIdentificationError> {
+/// Q and R; disturbances that sank to the end of their range are zero.
+fn covariances(likelihood: &Likelihood<'_>, maximum: &Maximum) -> (DMatrix<f64>, DMatrix<f64>) {
     let (mut q, r) = likelihood.covariances(&maximum.theta);
     let first = likelihood.model_count;
     let of_q = likelihood.disturbance.count();
-    for i in (first..maximum.theta.len()).filter(|&i| maximum.at_limit[i]) {
-        if i - first >= of_q {
-            let name = likelihood.unknowns[i].name.clone();
-            return Err(ModelIdentificationError::NoNoise { name });
-        }
+    for i in (first..first + of_q).filter(|&i| maximum.at_limit[i]) {
         if let Some(row) = likelihood.disturbance.row_of(i - first) {
             q.row_mut(row).fill(0.0);
             q.column_mut(row).fill(0.0);
         }
     }
-    Ok((q, r))
+    (q, r)
 }
 
 fn rounded(plant: Plant) -> Plant {
-    let round = |matrix: nalgebra::DMatrix<f64>| matrix.map(|entry| round(entry, DIGITS.1));
+    let round = |matrix: DMatrix<f64>| matrix.map(|entry| round(entry, DIGITS.1));
     Plant {
         a: round(plant.a),
         b: round(plant.b),
