@@ -19,21 +19,37 @@ fn repository(path: &str) -> PathBuf {
 }
 
 fn identify(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_residuald")).arg("identify").args(arguments).output().unwrap()
+    Command::new(env!("CARGO_BIN_EXE_residuald"))
+        .arg("identify")
+        .args(arguments)
+        .output()
+        .unwrap()
 }
 
 fn printed(arguments: &[&str]) -> String {
     let output = identify(arguments);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     String::from_utf8(output.stdout).unwrap()
 }
 
 /// The refusal, without line breaks and frames.
 fn refused(arguments: &[&str]) -> String {
     let output = identify(arguments);
-    assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stdout));
+    assert_eq!(
+        output.status.code(),
+        Some(1),
+        "{}",
+        String::from_utf8_lossy(&output.stdout)
+    );
     let text = String::from_utf8(output.stderr).unwrap();
-    let words: Vec<&str> = text.split_whitespace().filter(|word| !["│", "×", "╰─▶", "├─▶"].contains(word)).collect();
+    let words: Vec<&str> = text
+        .split_whitespace()
+        .filter(|word| !["│", "×", "╰─▶", "├─▶"].contains(word))
+        .collect();
     words.join(" ")
 }
 
@@ -129,8 +145,15 @@ impl Stage {
 }
 
 fn program(arguments: &[&str]) -> String {
-    let output = Command::new(env!("CARGO_BIN_EXE_residuald")).args(arguments).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let output = Command::new(env!("CARGO_BIN_EXE_residuald"))
+        .args(arguments)
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     String::from_utf8(output.stdout).unwrap()
 }
 
@@ -139,27 +162,60 @@ fn the_identified_section_makes_a_configuration_that_replays_held_out_runs_witho
     let stage = Stage::new(12, 80);
     for method in ["unknown_input_filter", "reduced_order_observer", "chi_square"] {
         let structure = stage.file("structure.toml", &STRUCTURE.replace("METHOD", method));
-        let section = printed(&["--model", &structure, stage.recording(), "--runs", "odd", "--margin", "0.2"]);
+        let section = printed(&[
+            "--model",
+            &structure,
+            stage.recording(),
+            "--runs",
+            "odd",
+            "--margin",
+            "0.2",
+        ]);
         let table: toml::Table = section.parse().unwrap();
         let model = &table["diagnoser"]["model"];
-        let a = model.get("A").or_else(|| model.get("transition")).unwrap()[0][0].as_float().unwrap();
+        let a = model.get("A").or_else(|| model.get("transition")).unwrap()[0][0]
+            .as_float()
+            .unwrap();
         assert!((a - 0.8).abs() < 0.05, "{section}");
-        assert!(section.contains("6 runs held out") && !section.contains("OVERFITTED"), "{section}");
+        assert!(
+            section.contains("6 runs held out") && !section.contains("OVERFITTED"),
+            "{section}"
+        );
 
         let extra = match method {
             "unknown_input_filter" => {
                 "[diagnoser.bank]\nallow_untestable_modes = true\n[diagnoser.missing]\nfault_bound = [2]\n"
             }
-            "chi_square" => "[diagnoser.statistics]\nenabled = [\"residual\", \"cusum\"]\ndecision = [\"cusum\"]\n",
+            "chi_square" => {
+                "[diagnoser.statistics]\nenabled = [\"residual\", \"cusum\"]\ndecision = [\"cusum\"]\n"
+            }
             _ => "",
         };
         let section = section.replace("[diagnoser.model]", &format!("[diagnoser.model] # {method}"));
-        let file = stage.file("plant.toml", &configuration(method, &format!("{section}\n{extra}")));
+        let file = stage.file(
+            "plant.toml",
+            &configuration(method, &format!("{section}\n{extra}")),
+        );
         let report = program(&["replay", &file, stage.recording(), "--runs", "even", "--totals"]);
-        assert!(report.contains("0 false alarms in 0 runs"), "{method}: {report}\n{section}");
+        assert!(
+            report.contains("0 false alarms in 0 runs"),
+            "{method}: {report}\n{section}"
+        );
         let fault = "offset,column=y,size=3,onset=50%";
-        let report = program(&["replay", &file, stage.recording(), "--runs", "even", "--totals", "--fault", fault]);
-        assert!(report.contains("fault detected in 6 of 6 runs"), "{method}: {report}");
+        let report = program(&[
+            "replay",
+            &file,
+            stage.recording(),
+            "--runs",
+            "even",
+            "--totals",
+            "--fault",
+            fault,
+        ]);
+        assert!(
+            report.contains("fault detected in 6 of 6 runs"),
+            "{method}: {report}"
+        );
     }
 }
 
@@ -169,11 +225,22 @@ fn a_given_model_gets_the_bounds_or_covariances_of_its_method() {
     let observer = "[diagnoser.model]\nA = [[0.8]]\nB = [[0.5]]\nC = [[1]]\nD = [[1]]\ninitial_state_lower = [-3]\n\
                     initial_state_upper = [3]\ndisturbance_lower = [-0.1]\ndisturbance_upper = [0.1]\n\
                     measurement_noise_bound = [0.05]\n";
-    let file = stage.file("observer.toml", &configuration("reduced_order_observer", observer));
+    let file = stage.file(
+        "observer.toml",
+        &configuration("reduced_order_observer", observer),
+    );
     let found = printed(&[&file, stage.recording(), "--runs", "odd"]);
     let of = |key: &str| -> f64 {
-        let line = found.lines().find(|line| line.starts_with(key)).unwrap_or_else(|| panic!("{key}: {found}"));
-        line.split_once('[').unwrap().1.trim_end_matches(']').parse().unwrap()
+        let line = found
+            .lines()
+            .find(|line| line.starts_with(key))
+            .unwrap_or_else(|| panic!("{key}: {found}"));
+        line.split_once('[')
+            .unwrap()
+            .1
+            .trim_end_matches(']')
+            .parse()
+            .unwrap()
     };
     assert_eq!(of("disturbance_lower"), -of("disturbance_upper"));
     assert!(of("disturbance_upper") > 0.0 && of("measurement_noise_bound") > 0.0);
@@ -184,8 +251,14 @@ fn a_given_model_gets_the_bounds_or_covariances_of_its_method() {
     let found: toml::Table = printed(&[&file, stage.recording()]).parse().unwrap();
     // Uniform in ±0.2 and ±0.1: variances 0.2²/3 and 0.1²/3.
     let variance = |key: &str| found[key][0][0].as_float().unwrap();
-    assert!((variance("process_noise_covariance") / 0.01333 - 1.0).abs() < 0.25, "{found}");
-    assert!((variance("measurement_noise_covariance") / 0.003333 - 1.0).abs() < 0.5, "{found}");
+    assert!(
+        (variance("process_noise_covariance") / 0.01333 - 1.0).abs() < 0.25,
+        "{found}"
+    );
+    assert!(
+        (variance("measurement_noise_covariance") / 0.003333 - 1.0).abs() < 0.5,
+        "{found}"
+    );
     let single = refused(&[&file, stage.recording(), "--runs", "1"]);
     assert!(single.contains("run 1 is the only training run"), "{single}");
     let parts = printed(&[&file, stage.recording(), "--runs", "1", "--part-length", "2"]);
@@ -197,10 +270,16 @@ fn a_given_model_gets_the_bounds_or_covariances_of_its_method() {
 #[test]
 fn methods_that_are_not_served_are_refused_by_name() {
     let stage = Stage::new(2, 20);
-    for (method, example) in [("async_imm", "turning_target.toml"), ("hinf_filter", "two_state.toml")] {
+    for (method, example) in [
+        ("async_imm", "turning_target.toml"),
+        ("hinf_filter", "two_state.toml"),
+    ] {
         let structure = stage.file("structure.toml", &STRUCTURE.replace("METHOD", method));
         let message = refused(&["--model", &structure, stage.recording()]);
-        assert!(message.contains(&format!("`{method}` needs")) && message.contains("served are"), "{message}");
+        assert!(
+            message.contains(&format!("`{method}` needs")) && message.contains("served are"),
+            "{message}"
+        );
         assert!(repository("deploy/config").join(example).exists());
     }
 }
@@ -218,24 +297,69 @@ fn mistakes_of_a_structure_file_are_named() {
     let cases = [
         (good.replace("chi_square", "kalman"), "unknown variant `kalman`"),
         (good.replace("[model]\n", "[model]\nE = 1\n"), "unknown field `E`"),
-        (good.replace("\"free\"", "\"gian\""), "there is no parameter `gian`"),
-        (good.replace("C = [[1]]", "C = [[1, 0]]"), "`C` is 1 x 2, but 1 x 1 is needed"),
+        (
+            good.replace("\"free\"", "\"gian\""),
+            "there is no parameter `gian`",
+        ),
+        (
+            good.replace("C = [[1]]", "C = [[1, 0]]"),
+            "`C` is 1 x 2, but 1 x 1 is needed",
+        ),
         (good.replace("[\"y\"]", "[\"why\"]"), "uses the column `why`"),
-        (good.replace("[\"y\"]", "[\"0 * y\"]"), "measurement 0 has the same value"),
-        (good.replace("[\"u\"]", "[\"0 * u + 3\"]"), "command 0 has the same value at every instant of the training runs (3)"),
-        (good.replace("= 0.1", "= 0.07"), "no multiple of the sampling period of 0.07 s"),
+        (
+            good.replace("[\"y\"]", "[\"0 * y\"]"),
+            "measurement 0 has the same value",
+        ),
+        (
+            good.replace("[\"u\"]", "[\"0 * u + 3\"]"),
+            "command 0 has the same value at every instant of the training runs (3)",
+        ),
+        (
+            good.replace("= 0.1", "= 0.07"),
+            "no multiple of the sampling period of 0.07 s",
+        ),
         (good.replace("= 0.1", "= 0"), "`sample_time_s` is 0"),
-        (good.replace("run_column", "every_rows = 0\nrun_column"), "`every_rows` is 0"),
-        (good.replace("run_column = \"run\"", "run_column = \"flight\""), "no column `flight`"),
-        (good.replace("measurements = [\"y\"]", ""), "[model] needs `measurements`"),
-        (equation.replace("[[equation]]\n", "[[equation]]\nouput = \"y\"\n"), "unknown field `ouput`"),
-        (equation.replace("{ value = \"u\", lag = 1 }", "{ value = \"u\" }, { value = \"twice\" }"),
-            "the regressors u, twice of `y` are linearly dependent"),
-        (equation.replace("{ value = \"y\", lag = 1 }", "{ value = \"y\" }"), "uses its own output"),
-        (equation.replace("{ value = \"y\", lag = 1 }", "{ value = \"t - t\" }"), "`t - t` has the same value (0)"),
-        (equation.split("[[equation]]").next().unwrap().to_owned(), "needs either a [model]"),
-        (equation.replace("chi_square", "unknown_input_filter").replace("\"y\", lag = 1", "\"y\", lag = 2"),
-            "every term needs the lag 1"),
+        (
+            good.replace("run_column", "every_rows = 0\nrun_column"),
+            "`every_rows` is 0",
+        ),
+        (
+            good.replace("run_column = \"run\"", "run_column = \"flight\""),
+            "no column `flight`",
+        ),
+        (
+            good.replace("measurements = [\"y\"]", ""),
+            "[model] needs `measurements`",
+        ),
+        (
+            equation.replace("[[equation]]\n", "[[equation]]\nouput = \"y\"\n"),
+            "unknown field `ouput`",
+        ),
+        (
+            equation.replace(
+                "{ value = \"u\", lag = 1 }",
+                "{ value = \"u\" }, { value = \"twice\" }",
+            ),
+            "the regressors u, twice of `y` are linearly dependent",
+        ),
+        (
+            equation.replace("{ value = \"y\", lag = 1 }", "{ value = \"y\" }"),
+            "uses its own output",
+        ),
+        (
+            equation.replace("{ value = \"y\", lag = 1 }", "{ value = \"t - t\" }"),
+            "`t - t` has the same value (0)",
+        ),
+        (
+            equation.split("[[equation]]").next().unwrap().to_owned(),
+            "needs either a [model]",
+        ),
+        (
+            equation
+                .replace("chi_square", "unknown_input_filter")
+                .replace("\"y\", lag = 1", "\"y\", lag = 2"),
+            "every term needs the lag 1",
+        ),
     ];
     for (text, words) in cases {
         let message = message(&text);
@@ -255,31 +379,56 @@ fn with_model(configuration: &str, section: &str) -> String {
 
 #[test]
 fn the_model_of_a_real_car_gives_no_false_alarm_on_held_out_runs() {
-    let Some(recording) = Recording::find("f1tenth.csv", "f1tenth.toml") else { return };
+    let Some(recording) = Recording::find("f1tenth.csv", "f1tenth.toml") else {
+        return;
+    };
     let data = recording.path().to_str().unwrap().to_owned();
     let structure = repository("deploy/identify/f1tenth.toml");
-    let section = printed(&["--model", structure.to_str().unwrap(), &data, "--runs", "odd", "--window", "60"]);
+    let section = printed(&[
+        "--model",
+        structure.to_str().unwrap(),
+        &data,
+        "--runs",
+        "odd",
+        "--window",
+        "60",
+    ]);
     println!("{section}");
     let table: toml::Table = section.parse().unwrap();
     let model = &table["diagnoser"]["model"];
     let entry = |key: &str, i: usize, j: usize| model[key][i][j].as_float().unwrap();
     // ../config/f1tenth.toml: 0.869, 0.131; 0.915, 0.082.
     assert!((entry("A", 0, 0) - 0.869).abs() < 0.06, "{section}");
-    assert!((entry("A", 2, 2) - 0.915).abs() < 0.03 && (entry("B", 2, 1) - 0.082).abs() < 0.03, "{section}");
-    assert!(section.contains("# 21 runs") && section.contains("20 runs held out"), "{section}");
+    assert!(
+        (entry("A", 2, 2) - 0.915).abs() < 0.03 && (entry("B", 2, 1) - 0.082).abs() < 0.03,
+        "{section}"
+    );
+    assert!(
+        section.contains("# 21 runs") && section.contains("20 runs held out"),
+        "{section}"
+    );
     assert!(!section.contains("OVERFITTED"), "{section}");
 
     let directory = tempfile::tempdir().unwrap();
     let file = directory.path().join("identified.toml");
     let configured = fs::read_to_string(repository("deploy/config/f1tenth.toml")).unwrap();
     fs::write(&file, with_model(&configured, &section)).unwrap();
-    let report = program(&["replay", file.to_str().unwrap(), &data, "--runs", "even", "--totals"]);
+    let report = program(&[
+        "replay",
+        file.to_str().unwrap(),
+        &data,
+        "--runs",
+        "even",
+        "--totals",
+    ]);
     assert!(report.contains("0 false alarms in 0 runs"), "{report}");
 }
 
 #[test]
 fn the_regression_of_real_flights_is_the_configured_one() {
-    let Some(recording) = Recording::find("alfa_rates.csv", "alfa.toml") else { return };
+    let Some(recording) = Recording::find("alfa_rates.csv", "alfa.toml") else {
+        return;
+    };
     let structure = repository("deploy/identify/alfa_roll.toml");
     let data = recording.path().to_str().unwrap();
     let section = printed(&["--model", structure.to_str().unwrap(), data, "--runs", "odd"]);
@@ -292,7 +441,13 @@ fn the_regression_of_real_flights_is_the_configured_one() {
         assert!((entry("input", lag, 0) - configured).abs() < 0.01, "{section}");
     }
     for (column, configured) in [(1, 1.0756), (2, 0.2038), (3, -0.2769)] {
-        assert!((entry("feedthrough", 0, column) - configured).abs() < 0.01, "{section}");
+        assert!(
+            (entry("feedthrough", 0, column) - configured).abs() < 0.01,
+            "{section}"
+        );
     }
-    assert!((entry("measurement_noise_covariance", 0, 0) - 0.0126).abs() < 0.0005, "{section}");
+    assert!(
+        (entry("measurement_noise_covariance", 0, 0) - 0.0126).abs() < 0.0005,
+        "{section}"
+    );
 }

@@ -2,7 +2,9 @@
 
 use crate::simulation::runs;
 use nalgebra::{DMatrix, dmatrix};
-use residual_synthesis::identify::model::{IdentifiedModel, Plant, Structure, StructureOptions, identify_model};
+use residual_synthesis::identify::model::{
+    IdentifiedModel, Plant, Structure, StructureOptions, identify_model,
+};
 
 fn plant() -> Plant {
     Plant {
@@ -47,7 +49,10 @@ fn correlated_noise_is_recovered_where_the_start_is_correlated() {
     let start = "measurement_noise_covariance = [[0.1, 0.01], [0.01, 0.1]]";
     let found = found(start, 1.0, &factor, 3);
     let truth = &factor * factor.transpose();
-    assert!((&found.measurement_noise_covariance - &truth).amax() < 0.1 * truth.amax(), "{found:?}");
+    assert!(
+        (&found.measurement_noise_covariance - &truth).amax() < 0.1 * truth.amax(),
+        "{found:?}"
+    );
     assert!(found.measurement_noise_covariance.clone().cholesky().is_some());
 }
 
@@ -56,7 +61,12 @@ fn a_disturbance_that_is_not_there_gets_the_variance_zero() {
     let found = found("", 0.0, &dmatrix![0.1, 0.0; 0.0, 0.1], 6);
     // Zero, or so small that it moves the speed far less than the noise does.
     assert!(found.disturbance_covariance[(0, 0)].sqrt() < 0.2, "{found:?}");
-    let given = self::found("disturbance_covariance = [[0]]", 0.0, &dmatrix![0.1, 0.0; 0.0, 0.1], 6);
+    let given = self::found(
+        "disturbance_covariance = [[0]]",
+        0.0,
+        &dmatrix![0.1, 0.0; 0.0, 0.1],
+        6,
+    );
     assert_eq!(given.disturbance_covariance[(0, 0)], 0.0);
     assert_eq!(given.noise.len(), 2);
 }
@@ -68,6 +78,9 @@ fn a_start_far_off_leads_to_the_same_covariances() {
     let far = "disturbance_covariance = [[1e-3]]\nmeasurement_noise_covariance = [[10, 0], [0, 1e-3]]";
     let other = found(far, 2.0, &truth, 1);
     for (a, b) in reference.noise.iter().zip(&other.noise) {
-        assert!((a.value - b.value).abs() < 0.02 * a.standard_error.max(0.01), "{a:?} {b:?}");
+        assert!(
+            (a.value - b.value).abs() < 0.02 * a.standard_error.max(0.01),
+            "{a:?} {b:?}"
+        );
     }
 }

@@ -8,7 +8,10 @@ use residual_synthesis::identify::model::Plant;
 
 /// A normal number by Box and Muller.
 pub fn normal(random: &mut ChaCha8Rng) -> f64 {
-    let (radius, angle): (f64, f64) = (random.random_range(f64::MIN_POSITIVE..1.0), random.random_range(0.0..1.0));
+    let (radius, angle): (f64, f64) = (
+        random.random_range(f64::MIN_POSITIVE..1.0),
+        random.random_range(0.0..1.0),
+    );
     (-2.0 * radius.ln()).sqrt() * (std::f64::consts::TAU * angle).cos()
 }
 
@@ -36,6 +39,15 @@ pub fn simulate(plant: &Plant, q: &DMatrix<f64>, r: &DMatrix<f64>, seed: u64, sa
 }
 
 /// Several runs with seeds of their own.
-pub fn runs(plant: &Plant, q: &DMatrix<f64>, r: &DMatrix<f64>, seed: u64, count: u64, samples: usize) -> Vec<RunData> {
-    (0..count).map(|run| simulate(plant, q, r, 1000 * seed + run, samples)).collect()
+pub fn runs(
+    plant: &Plant,
+    q: &DMatrix<f64>,
+    r: &DMatrix<f64>,
+    seed: u64,
+    count: u64,
+    samples: usize,
+) -> Vec<RunData> {
+    (0..count)
+        .map(|run| simulate(plant, q, r, 1000 * seed + run, samples))
+        .collect()
 }

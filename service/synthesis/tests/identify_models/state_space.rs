@@ -39,11 +39,22 @@ const CAR_NOISE: ([f64; 2], [f64; 2]) = ([0.02, 0.01], [0.004, 0.02]);
 fn car_runs(seed: u64, count: u64, samples: usize) -> Vec<RunData> {
     let ([q0, q1], [r0, r1]) = CAR_NOISE;
     let truth = car(0.87, 0.13, 0.92, 0.08);
-    runs(&truth, &dmatrix![q0, 0.0; 0.0, q1], &dmatrix![r0, 0.0; 0.0, r1], seed, count, samples)
+    runs(
+        &truth,
+        &dmatrix![q0, 0.0; 0.0, q1],
+        &dmatrix![r0, 0.0; 0.0, r1],
+        seed,
+        count,
+        samples,
+    )
 }
 
 fn value(model: &IdentifiedModel, name: &str) -> (f64, f64) {
-    let found = model.parameters.iter().find(|parameter| parameter.name == name).unwrap();
+    let found = model
+        .parameters
+        .iter()
+        .find(|parameter| parameter.name == name)
+        .unwrap();
     (found.value, found.standard_error)
 }
 
@@ -54,9 +65,11 @@ fn confidence_intervals_of_a_car_contain_the_truth_as_often_as_they_should() {
     for seed in 0..15 {
         let found = identify_model(&structure(CAR, 0.025, 2, 2), &car_runs(seed, 4, 100), &[]).unwrap();
         let ([q0, q1], [r0, r1]) = CAR_NOISE;
-        let noise = found.noise.iter().zip([q0, q1, r0, r1]).map(|(found, truth)| {
-            (found.value - truth.ln()) / found.standard_error
-        });
+        let noise = found
+            .noise
+            .iter()
+            .zip([q0, q1, r0, r1])
+            .map(|(found, truth)| (found.value - truth.ln()) / found.standard_error);
         let entries = truth.map(|(name, truth)| {
             let (value, error) = value(&found, name);
             (value - truth) / error
@@ -113,7 +126,10 @@ fn a_continuous_servo_is_found_with_exact_discretisation() {
     let found = identify_model(&structure(text, period, 1, 1), &training, &training[..1]).unwrap();
     for (name, truth) in [("friction", truth.0), ("B[2][0]", truth.2)] {
         let (value, error) = value(&found, name);
-        assert!((value - truth).abs() < 3.0 * error && error < 0.1 * truth, "{name} {value} {error}");
+        assert!(
+            (value - truth).abs() < 3.0 * error && error < 0.1 * truth,
+            "{name} {value} {error}"
+        );
     }
     let (friction, gain) = (value(&found, "friction").0, value(&found, "B[2][0]").0);
     let (a, b) = servo_matrices(friction, 6.0, gain);
@@ -141,7 +157,10 @@ fn without_noise_in_the_states_the_entries_are_found_to_the_noise_of_the_measure
     "#;
     let found = identify_model(&structure(text, 0.1, 1, 1), &training, &[]).unwrap();
     assert!((&found.plant.a - &truth.a).amax() < 1e-3, "{}", found.plant.a);
-    assert!((&found.plant.b - &truth.b).amax() < 1e-3 && (&found.plant.feedthrough - &truth.feedthrough).amax() < 1e-3);
+    assert!(
+        (&found.plant.b - &truth.b).amax() < 1e-3
+            && (&found.plant.feedthrough - &truth.feedthrough).amax() < 1e-3
+    );
     assert!((found.measurement_noise_covariance[(0, 0)].sqrt() / 1e-4 - 1.0).abs() < 0.1);
 }
 
@@ -186,7 +205,9 @@ fn entries_that_only_show_as_a_product_are_named() {
         feedthrough: DMatrix::zeros(1, 1),
         disturbance: dmatrix![1.0; 0.0],
     };
-    let text = text.replacen("\"free\"", "{ start = 0.5 }", 1).replace("\"free\"", "{ start = 0.3 }");
+    let text = text
+        .replacen("\"free\"", "{ start = 0.5 }", 1)
+        .replace("\"free\"", "{ start = 0.3 }");
     let mut training = runs(&truth, &dmatrix![0.05], &dmatrix![0.05], 4, 4, 150);
     // The hidden state begins at 0, so that nothing but the product enters.
     for run in &mut training {
@@ -239,26 +260,44 @@ fn recordings_that_tell_too_little_are_refused_by_name() {
         runs.iter_mut().for_each(change);
         refused(&runs).to_string()
     };
-    assert_eq!(refused(&[]), ModelIdentificationError::Data(IdentifyError::NoTrainingRuns));
+    assert_eq!(
+        refused(&[]),
+        ModelIdentificationError::Data(IdentifyError::NoTrainingRuns)
+    );
     let only = refused(&good[..1]).to_string();
     assert!(only.contains("run 1000 is the only training run"), "{only}");
     let short = changed(&|run| {
         run.commands.truncate(10);
         run.measurements.truncate(10);
     });
-    assert!(short.contains("hold 60 measured values for 8 unknowns") && short.contains("80 are needed"), "{short}");
+    assert!(
+        short.contains("hold 60 measured values for 8 unknowns") && short.contains("80 are needed"),
+        "{short}"
+    );
     let stuck = changed(&|run| run.commands.iter_mut().for_each(|u| u[1] = 0.5));
-    assert!(stuck.contains("command 1 has the same value") && stuck.contains("(0.5)"), "{stuck}");
+    assert!(
+        stuck.contains("command 1 has the same value") && stuck.contains("(0.5)"),
+        "{stuck}"
+    );
     let flat = changed(&|run| run.measurements.iter_mut().for_each(|y| y[0] = 0.0));
     assert!(flat.contains("measurement 0 has the same value"), "{flat}");
     let silent = changed(&|run| run.measurements.iter_mut().for_each(|y| y[1] = f64::NAN));
     assert!(silent.contains("measurement 1 has no value"), "{silent}");
     let uncommanded = changed(&|run| run.commands.iter_mut().for_each(|u| u[0] = f64::NAN));
-    assert!(uncommanded.contains("has no transition between two instants"), "{uncommanded}");
+    assert!(
+        uncommanded.contains("has no transition between two instants"),
+        "{uncommanded}"
+    );
     let infinite = changed(&|run| run.measurements[5][0] = f64::INFINITY);
-    assert!(infinite.contains("instant 5: element 0 of the measurements is infinite"), "{infinite}");
+    assert!(
+        infinite.contains("instant 5: element 0 of the measurements is infinite"),
+        "{infinite}"
+    );
     let narrow = changed(&|run| run.commands[2].truncate(1));
-    assert!(narrow.contains("instant 2: 1 commands, but the model has 2"), "{narrow}");
+    assert!(
+        narrow.contains("instant 2: 1 commands, but the model has 2"),
+        "{narrow}"
+    );
 }
 
 #[test]
@@ -271,11 +310,15 @@ fn noise_that_the_disturbance_explains_sinks_to_its_limit_and_stays_positive() {
         feedthrough: dmatrix![0.0],
         disturbance: dmatrix![1.0; 1.0],
     };
-    let training: Vec<RunData> =
-        (0..3).map(|seed| simulate(&truth, &dmatrix![0.3], &dmatrix![0.0], seed, 200)).collect();
+    let training: Vec<RunData> = (0..3)
+        .map(|seed| simulate(&truth, &dmatrix![0.3], &dmatrix![0.0], seed, 200))
+        .collect();
     let text = "A = [[\"free\"]]\nB = [[\"free\"]]\nC = [[1]]\nD = [[1]]\ninitial_state_radius = [2]";
     let found = identify_model(&structure(text, 0.1, 1, 1), &training, &[]).unwrap();
     assert!(found.noise[1].at_limit && !found.noise[0].at_limit, "{found:?}");
-    let (q, r) = (found.disturbance_covariance[(0, 0)], found.measurement_noise_covariance[(0, 0)]);
+    let (q, r) = (
+        found.disturbance_covariance[(0, 0)],
+        found.measurement_noise_covariance[(0, 0)],
+    );
     assert!(r > 0.0 && r < 1e-4 * q, "{found:?}");
 }

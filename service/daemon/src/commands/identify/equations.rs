@@ -74,10 +74,18 @@ fn figures(section: &mut Section, names: &[String], equation: &Equation, found: 
     });
     let terms = terms.chain(equation.constant.then(|| "the constant".to_owned()));
     for (name, (value, error)) in terms.zip(found.coefficients.iter().zip(&found.standard_errors)) {
-        let error = error.map_or("given".to_owned(), |error| format!("+- {error:.2e} (standard error)"));
-        section.comment(format_args!("  {} * {name}  {error}", number(round(*value, DIGITS))));
+        let error = error.map_or("given".to_owned(), |error| {
+            format!("+- {error:.2e} (standard error)")
+        });
+        section.comment(format_args!(
+            "  {} * {name}  {error}",
+            number(round(*value, DIGITS))
+        ));
     }
-    let mut fits = vec![("training", &found.training), ("cross-validation", &found.cross_validation)];
+    let mut fits = vec![
+        ("training", &found.training),
+        ("cross-validation", &found.cross_validation),
+    ];
     fits.extend(found.validation.as_ref().map(|fit| ("held out", fit)));
     for (name, fit) in fits {
         section.comment(format_args!(
@@ -167,10 +175,18 @@ fn with_bounds(
     let size = outputs.len();
     let unit: Vec<f64> = found.found.iter().map(|fit| UNIT * fit.training.rms).collect();
     let largest = |output: usize| {
-        let values = data.training.iter().flat_map(|run| &run.measurements).map(|y| y[output].abs());
+        let values = data
+            .training
+            .iter()
+            .flat_map(|run| &run.measurements)
+            .map(|y| y[output].abs());
         values.filter(|value| value.is_finite()).fold(0.0, f64::max)
     };
-    let list: Vec<&str> = model.commands.iter().map(|&signal| names[signal].as_str()).collect();
+    let list: Vec<&str> = model
+        .commands
+        .iter()
+        .map(|&signal| names[signal].as_str())
+        .collect();
     section.comment(format_args!("commands: {}", list.join(", ")));
     Bounded {
         plant: Plant {

@@ -28,14 +28,19 @@ pub fn identify(arguments: &IdentifyArguments) -> miette::Result<String> {
         &[],
         None,
     )?;
-    let diagnoser = choose(&replay.loaded.configuration.diagnosers, arguments.diagnoser.as_deref())?;
+    let diagnoser = choose(
+        &replay.loaded.configuration.diagnosers,
+        arguments.diagnoser.as_deref(),
+    )?;
     let runs = runs(arguments, &replay, diagnoser)?;
     let period = diagnoser.sample_time_s();
     let failed = || format!("nothing can be identified for `{}`", diagnoser.name);
     match &diagnoser.method {
         MethodConfiguration::UnknownInputFilter(tables) => {
             let model = LinearModel::new(&tables.model, period).into_diagnostic()?;
-            Ok(bounds_of(arguments, &model, &runs).wrap_err_with(failed)?.to_string())
+            Ok(bounds_of(arguments, &model, &runs)
+                .wrap_err_with(failed)?
+                .to_string())
         }
         MethodConfiguration::ReducedOrderObserver(tables) => {
             let model = LinearModel::new(&symmetric(tables), period).into_diagnostic()?;
@@ -139,7 +144,11 @@ fn covariances(
         b: fixed(&model.input),
         c: fixed(&model.measurement),
         feedthrough: fixed(&model.feedthrough),
-        d: fixed(if model.process_noise_input.is_empty() { &unit } else { &model.process_noise_input }),
+        d: fixed(if model.process_noise_input.is_empty() {
+            &unit
+        } else {
+            &model.process_noise_input
+        }),
         disturbance_covariance: Some(model.process_noise_covariance.clone()),
         measurement_noise_covariance: Some(model.measurement_noise_covariance.clone()),
         initial_state_radius: vec![1.0; states],
@@ -147,7 +156,13 @@ fn covariances(
     };
     let (outputs, commands) = (diagnoser.measurements.len(), diagnoser.commands.len());
     let mean = model.initial_state.clone().unwrap_or_else(|| vec![0.0; states]);
-    let entry = |i: usize, j: usize| model.initial_covariance.get(i).and_then(|row| row.get(j)).copied();
+    let entry = |i: usize, j: usize| {
+        model
+            .initial_covariance
+            .get(i)
+            .and_then(|row| row.get(j))
+            .copied()
+    };
     let covariance = DMatrix::from_fn(states, states, |i, j| entry(i, j).unwrap_or(0.0));
     let structure = Structure::new(&options, diagnoser.sample_time_s(), outputs, commands)
         .into_diagnostic()?
@@ -155,15 +170,24 @@ fn covariances(
     let found = identify_model(&structure, &runs.training, &runs.validation).into_diagnostic()?;
     let names: Vec<String> = (0..outputs)
         .map(|i| {
-            let named = model.measurement_names.as_ref().and_then(|names| names.get(i).cloned());
+            let named = model
+                .measurement_names
+                .as_ref()
+                .and_then(|names| names.get(i).cloned());
             named.unwrap_or_else(|| format!("measurement {i}"))
         })
         .collect();
     let mut section = Section::default();
-    section.comment(format_args!("Covariances of `{}` by maximum likelihood.", diagnoser.name));
+    section.comment(format_args!(
+        "Covariances of `{}` by maximum likelihood.",
+        diagnoser.name
+    ));
     section.predictions(&found, &names);
     section.matrix("process_noise_covariance", &found.disturbance_covariance);
-    section.matrix("measurement_noise_covariance", &found.measurement_noise_covariance);
+    section.matrix(
+        "measurement_noise_covariance",
+        &found.measurement_noise_covariance,
+    );
     Ok(section.to_string())
 }
 

@@ -198,7 +198,9 @@ fn bounds_of(
     runs: &Split<RunData>,
 ) -> miette::Result<Identification> {
     let scales = IdentifyOptions::default().noise_scales;
-    search_bounds(arguments, model, runs, scales).into_diagnostic().wrap_err(NO_BOUNDS)
+    search_bounds(arguments, model, runs, scales)
+        .into_diagnostic()
+        .wrap_err(NO_BOUNDS)
 }
 
 const NO_BOUNDS: &str = "the bounds cannot be identified";

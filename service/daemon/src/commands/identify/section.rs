@@ -41,7 +41,10 @@ impl Section {
 
     /// A matrix, one row a line.
     pub fn matrix(&mut self, key: &str, matrix: &DMatrix<f64>) {
-        let rows: Vec<String> = matrix.row_iter().map(|row| format!("  {},\n", list(row.iter().copied()))).collect();
+        let rows: Vec<String> = matrix
+            .row_iter()
+            .map(|row| format!("  {},\n", list(row.iter().copied())))
+            .collect();
         let _ = writeln!(self.text, "{key} = [\n{}]", rows.concat());
     }
 
@@ -61,7 +64,11 @@ impl Section {
             found.runs, found.training.elements, found.log_likelihood, found.iterations
         ));
         for parameter in &found.parameters {
-            let limit = if parameter.at_limit { ", at the end of its range" } else { "" };
+            let limit = if parameter.at_limit {
+                ", at the end of its range"
+            } else {
+                ""
+            };
             self.comment(format_args!(
                 "{} = {} +- {:.2e} (standard error){limit}",
                 parameter.name,
@@ -72,9 +79,16 @@ impl Section {
         for noise in &found.noise {
             if noise.name.starts_with("standard") {
                 let what = if noise.at_limit {
-                    format!("{:.1e}, the end of its range: the data need none", noise.value.exp())
+                    format!(
+                        "{:.1e}, the end of its range: the data need none",
+                        noise.value.exp()
+                    )
                 } else {
-                    format!("{:.3e} +- {:.1} %", noise.value.exp(), 100.0 * noise.standard_error)
+                    format!(
+                        "{:.3e} +- {:.1} %",
+                        noise.value.exp(),
+                        100.0 * noise.standard_error
+                    )
                 };
                 self.comment(format_args!("{}: {what}", noise.name));
             }
@@ -86,7 +100,9 @@ impl Section {
             ("held out", found.validation.as_ref()),
         ];
         let figure = |of: &dyn Fn(&Prediction) -> String| {
-            let texts = parts.iter().filter_map(|(name, part)| part.map(|part| format!("{name} {}", of(part))));
+            let texts = parts
+                .iter()
+                .filter_map(|(name, part)| part.map(|part| format!("{name} {}", of(part))));
             texts.collect::<Vec<_>>().join(", ")
         };
         for (i, output) in outputs.iter().enumerate() {
@@ -94,7 +110,9 @@ impl Section {
             self.comment(format_args!("  {output}: {}", figure(&of_output)));
         }
         let normalised = figure(&|part: &Prediction| format!("{:.3}", part.normalised_square));
-        self.comment(format_args!("Mean normalised innovation square, 1 if all is right: {normalised}"));
+        self.comment(format_args!(
+            "Mean normalised innovation square, 1 if all is right: {normalised}"
+        ));
         if found.is_overfitted() {
             self.overfitted(found.cross_validation_ratio());
         }
@@ -124,7 +142,9 @@ mod tests {
         for value in [0.0, -0.0, 1.0, 0.1 + 0.2, 4e-6, -3.25e-17, 6.02e23, 123_456.789] {
             let table: toml::Table = format!("x = [{}]", number(value)).parse().unwrap();
             let read = &table["x"][0];
-            let read = read.as_float().or_else(|| read.as_integer().map(|whole| whole as f64));
+            let read = read
+                .as_float()
+                .or_else(|| read.as_integer().map(|whole| whole as f64));
             assert_eq!(read, Some(value), "{}", number(value));
         }
     }

@@ -59,16 +59,21 @@ pub fn read(
     let recording = Recording::read(path, roles).into_diagnostic()?;
     let owner = "the structure file";
     let values = expressions.iter().map(|text| Value::new(owner, text, &recording));
-    let values = values.collect::<Result<Vec<_>, _>>().map_err(SignalsError::from)?;
+    let values = values
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(SignalsError::from)?;
     let instants = part_instants(arguments.part_length, file.sample_time_s)?;
     let mut runs = Vec::with_capacity(recording.runs.len());
     for run in &recording.runs {
         let rows = rows_of(run, file, &values)?;
         let count = rows.len().div_ceil(instants);
-        let parts = rows.chunks(instants.min(rows.len().max(1))).enumerate().map(|(part, rows)| SignalRun {
-            name: part_name(&run.name, part, count),
-            rows: rows.to_vec(),
-        });
+        let parts = rows
+            .chunks(instants.min(rows.len().max(1)))
+            .enumerate()
+            .map(|(part, rows)| SignalRun {
+                name: part_name(&run.name, part, count),
+                rows: rows.to_vec(),
+            });
         runs.push((run.name.clone(), parts.collect()));
     }
     Ok(split(&arguments.runs, runs)?)
@@ -79,7 +84,12 @@ fn rows_of(run: &Run, file: &StructureFile, values: &[Value]) -> Result<Vec<Vec<
     let mut rows: Vec<Vec<f64>> = Vec::with_capacity(run.rows.len());
     let mut variables = Vec::new();
     let mut last: Option<u64> = None;
-    for (&time_ns, row) in run.times_ns.iter().zip(&run.rows).step_by(file.recording.every_rows) {
+    for (&time_ns, row) in run
+        .times_ns
+        .iter()
+        .zip(&run.rows)
+        .step_by(file.recording.every_rows)
+    {
         if run.labelled_onset_ns.is_some_and(|onset_ns| time_ns >= onset_ns) {
             break;
         }
@@ -88,7 +98,12 @@ fn rows_of(run: &Run, file: &StructureFile, values: &[Value]) -> Result<Vec<Vec<
             let periods = (apart / period).round();
             if periods < 1.0 || (apart - periods * period).abs() > UNEVEN * period {
                 let (run, time) = (run.name.clone(), time_ns as f64 * 1e-9);
-                return Err(SignalsError::Uneven { run, time, apart, period });
+                return Err(SignalsError::Uneven {
+                    run,
+                    time,
+                    apart,
+                    period,
+                });
             }
             let skipped = (periods - 1.0).min(LONGEST_GAP) as usize;
             rows.extend(std::iter::repeat_n(vec![f64::NAN; values.len()], skipped));
@@ -96,7 +111,13 @@ fn rows_of(run: &Run, file: &StructureFile, values: &[Value]) -> Result<Vec<Vec<
         last = Some(time_ns);
         // An infinite value, such as of a division by zero, is no value.
         let value = |value: &Value| Some(value.of(row, &mut variables)).filter(|value| value.is_finite());
-        rows.push(values.iter().map(value).map(|value| value.unwrap_or(f64::NAN)).collect());
+        rows.push(
+            values
+                .iter()
+                .map(value)
+                .map(|value| value.unwrap_or(f64::NAN))
+                .collect(),
+        );
     }
     Ok(rows)
 }

@@ -35,7 +35,11 @@ pub fn identify(arguments: &IdentifyArguments, file: &StructureFile) -> miette::
         let data = |run: SignalRun| {
             let rows = run.rows.iter().map(|row| row.split_at(measurements.len()));
             let (measurements, commands) = rows.map(|(y, u)| (y.to_vec(), u.to_vec())).unzip();
-            RunData { name: run.name, commands, measurements }
+            RunData {
+                name: run.name,
+                commands,
+                measurements,
+            }
         };
         runs.into_iter().map(data).collect()
     };
@@ -55,7 +59,15 @@ pub fn identify(arguments: &IdentifyArguments, file: &StructureFile) -> miette::
     match file.method {
         Target::ChiSquare => with_covariances(&mut section, &structure, &found),
         Target::ReducedOrderObserver => {
-            with_bounds(&mut section, arguments, file, &runs, &found, found.plant.clone(), false)?;
+            with_bounds(
+                &mut section,
+                arguments,
+                file,
+                &runs,
+                &found,
+                found.plant.clone(),
+                false,
+            )?;
         }
         _ => {
             let (matrices, continuous) = (found.matrices.clone(), structure.is_continuous());
@@ -67,7 +79,8 @@ pub fn identify(arguments: &IdentifyArguments, file: &StructureFile) -> miette::
 
 fn with_covariances(section: &mut Section, structure: &Structure, found: &IdentifiedModel) {
     if structure.is_continuous() {
-        section.comment("Discretised with the sampling period; commands and disturbances are held over a step.");
+        section
+            .comment("Discretised with the sampling period; commands and disturbances are held over a step.");
     }
     section.line("[diagnoser.model]");
     let plant = &found.plant;
@@ -86,13 +99,19 @@ fn with_covariances(section: &mut Section, structure: &Structure, found: &Identi
     if plant.feedthrough.iter().any(|entry| *entry != 0.0) {
         section.matrix("feedthrough", &plant.feedthrough);
     }
-    section.matrix("measurement_noise_covariance", &found.measurement_noise_covariance);
+    section.matrix(
+        "measurement_noise_covariance",
+        &found.measurement_noise_covariance,
+    );
     section.list("initial_state", found.initial_state.0.iter().copied());
     section.matrix("initial_covariance", &found.initial_state.1);
 }
 
 fn rows(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
-    matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
+    matrix
+        .row_iter()
+        .map(|row| row.iter().copied().collect())
+        .collect()
 }
 
 /// Why a model with bounds cannot be written.
@@ -119,13 +138,24 @@ fn with_bounds(
     }
     let deviations = |covariance: &DMatrix<f64>| covariance.diagonal().map(|variance| UNIT * variance.sqrt());
     let disturbance = deviations(&found.disturbance_covariance);
-    let smallest = SMALL_UNIT * if disturbance.amax() > 0.0 { disturbance.amax() } else { 1.0 };
+    let smallest = SMALL_UNIT
+        * if disturbance.amax() > 0.0 {
+            disturbance.amax()
+        } else {
+            1.0
+        };
     let model = Bounded {
         disturbance: disturbance.iter().map(|unit| unit.max(smallest)).collect(),
         measurement: found.training.rms.iter().map(|rms| UNIT * rms).collect(),
         center: found.initial_state.0.iter().copied().collect(),
         // The likelihood takes the state as spread evenly over the box: variance r²/3.
-        radius: found.initial_state.1.diagonal().iter().map(|variance| (3.0 * variance).sqrt()).collect(),
+        radius: found
+            .initial_state
+            .1
+            .diagonal()
+            .iter()
+            .map(|variance| (3.0 * variance).sqrt())
+            .collect(),
         plant: matrices,
         continuous,
     };
@@ -156,12 +186,20 @@ impl Bounded {
     ) -> miette::Result<()> {
         let plant = &self.plant;
         let options = ModelOptions {
-            time: if self.continuous { Time::Continuous } else { Time::Discrete },
+            time: if self.continuous {
+                Time::Continuous
+            } else {
+                Time::Discrete
+            },
             discretisation: self.continuous.then_some(Discretisation::ZeroOrderHold),
             a: rows(&plant.a),
             b: rows(&plant.b),
             c: rows(&plant.c),
-            d: if plant.disturbance.ncols() > 0 { rows(&plant.disturbance) } else { Vec::new() },
+            d: if plant.disturbance.ncols() > 0 {
+                rows(&plant.disturbance)
+            } else {
+                Vec::new()
+            },
             disturbance_bound: self.disturbance,
             measurement_noise_bound: self.measurement,
             ..ModelOptions::default()
@@ -179,16 +217,27 @@ impl Bounded {
         if plant.disturbance.ncols() > 0 {
             section.matrix("D", &plant.disturbance);
         }
-        let edges = |sign: f64| self.center.iter().zip(&self.radius).map(move |(center, radius)| center + sign * radius);
+        let edges = |sign: f64| {
+            self.center
+                .iter()
+                .zip(&self.radius)
+                .map(move |(center, radius)| center + sign * radius)
+        };
         if file.method == Target::ReducedOrderObserver {
             observer_bounds(section, &bounds);
             section.list("initial_state_lower", edges(-1.0));
             section.list("initial_state_upper", edges(1.0));
         } else {
             if plant.disturbance.ncols() > 0 {
-                section.list("disturbance_bound", bounds.best.bounds.disturbance.iter().copied());
+                section.list(
+                    "disturbance_bound",
+                    bounds.best.bounds.disturbance.iter().copied(),
+                );
             }
-            section.list("measurement_noise_bound", bounds.best.bounds.measurement.iter().copied());
+            section.list(
+                "measurement_noise_bound",
+                bounds.best.bounds.measurement.iter().copied(),
+            );
             section.list("initial_state_center", self.center.iter().copied());
             section.list("initial_state_radius", self.radius.iter().copied());
         }

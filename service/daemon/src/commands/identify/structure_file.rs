@@ -190,7 +190,9 @@ impl StructureFile {
             return Err(StructureFileError::Form(path));
         }
         let reason = match &self.model {
-            Some(_) if self.measurements.is_empty() => Some("[model] needs `measurements`: one expression for each row of C"),
+            Some(_) if self.measurements.is_empty() => {
+                Some("[model] needs `measurements`: one expression for each row of C")
+            }
             None if !(self.measurements.is_empty() && self.commands.is_empty()) => {
                 Some("`measurements` and `commands` belong to [model]; equations name their own expressions")
             }

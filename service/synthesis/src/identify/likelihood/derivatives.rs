@@ -36,12 +36,8 @@ impl Likelihood<'_> {
             self.filter(&theta)
         };
         let mut base = self.filter(theta)?;
-        let mut above: Vec<Filter> = (0..count)
-            .map(|i| displaced(i, 1.0))
-            .collect::<Option<_>>()?;
-        let mut below: Vec<Filter> = (0..count)
-            .map(|i| displaced(i, -1.0))
-            .collect::<Option<_>>()?;
+        let mut above: Vec<Filter> = (0..count).map(|i| displaced(i, 1.0)).collect::<Option<_>>()?;
+        let mut below: Vec<Filter> = (0..count).map(|i| displaced(i, -1.0)).collect::<Option<_>>()?;
         let mut found = Derivatives {
             value: 0.0,
             gradient: DVector::zeros(count),
@@ -91,10 +87,7 @@ impl Likelihood<'_> {
     }
 }
 
-fn covariance_part(
-    slopes: &[DMatrix<f64>],
-    solve: impl Fn(&DMatrix<f64>) -> DMatrix<f64>,
-) -> CovariancePart {
+fn covariance_part(slopes: &[DMatrix<f64>], solve: impl Fn(&DMatrix<f64>) -> DMatrix<f64>) -> CovariancePart {
     let relative: Vec<DMatrix<f64>> = slopes.iter().map(solve).collect();
     let count = relative.len();
     CovariancePart {

@@ -158,7 +158,13 @@ impl Filter {
         let covariance = &c * &pc + r;
         let covariance = (&covariance + covariance.transpose()) * 0.5;
         let factor = Cholesky::new(covariance.clone())?;
-        let log_determinant = 2.0 * factor.l_dirty().diagonal().iter().map(|entry| entry.ln()).sum::<f64>();
+        let log_determinant = 2.0
+            * factor
+                .l_dirty()
+                .diagonal()
+                .iter()
+                .map(|entry| entry.ln())
+                .sum::<f64>();
         let k = factor.solve(&pc.transpose()).transpose();
         Some(Gain {
             received,

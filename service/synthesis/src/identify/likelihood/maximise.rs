@@ -18,8 +18,11 @@ const POOR_STEP: f64 = 0.25;
 const GOOD_STEP: f64 = 0.75;
 /// Eigenvalue of the information, scaled to a unit diagonal, below which a direction is not determined.
 const UNDETERMINED: f64 = 1e-9;
-/// Displacement of the central differences, in standard errors, and relative to the parameter.
-const DISPLACEMENT: (f64, f64) = (1e-3, 1e-6);
+/// Displacement of the central differences in standard errors, and its limits relative to the parameter: a parameter
+/// without influence has no standard error.
+const DISPLACEMENT: (f64, f64, f64) = (1e-3, 1e-6, 1e-2);
+/// Parameters below this count as this large.
+const SMALL: f64 = 1e-2;
 
 /// Where the search ended.
 #[derive(Clone, Debug)]
@@ -54,7 +57,7 @@ impl Likelihood<'_> {
     ) -> Result<Maximum, MaximumError> {
         let mut theta = start.to_vec();
         let mut damping = 1e-3;
-        let mut displacements: Vec<f64> = theta.iter().map(|value| 1e-5 * value.abs().max(1e-2)).collect();
+        let mut displacements: Vec<f64> = theta.iter().map(|value| 1e-5 * value.abs().max(SMALL)).collect();
         let mut decrement = f64::INFINITY;
         for iterations in 0..ITERATIONS {
             let found = self
@@ -62,15 +65,20 @@ impl Likelihood<'_> {
                 .ok_or(MaximumError::Start)?;
             for (i, displacement) in displacements.iter_mut().enumerate() {
                 let error = found.information[(i, i)].sqrt().recip();
-                let (standard_errors, relative) = DISPLACEMENT;
-                if error.is_finite() {
-                    *displacement = (standard_errors * error).clamp(relative * theta[i].abs(), *displacement * 100.0);
+                let (standard_errors, smallest, largest) = DISPLACEMENT;
+                let size = theta[i].abs().max(SMALL);
+                if !error.is_nan() {
+                    *displacement = (standard_errors * error).clamp(smallest * size, largest * size);
                 }
             }
             let at_limit = self.at_limit(&theta, &found.gradient);
             let free: Vec<usize> = (0..theta.len()).filter(|&i| !at_limit[i]).collect();
             decrement = scoring_step(&found, &free, 1e-9).map_or(0.0, |step| {
-                -free.iter().zip(step.iter()).map(|(&i, step)| found.gradient[i] * step).sum::<f64>()
+                -free
+                    .iter()
+                    .zip(step.iter())
+                    .map(|(&i, step)| found.gradient[i] * step)
+                    .sum::<f64>()
             });
             let lowered = if decrement > DECREMENT && iterations + 1 < ITERATIONS {
                 self.lower(pieces, &mut theta, &found, &free, &mut damping)
@@ -80,7 +88,10 @@ impl Likelihood<'_> {
             if !lowered {
                 if decrement > STALLED_DECREMENT {
                     check_determined(&found.information, &free)?;
-                    return Err(MaximumError::NotConverged { iterations, decrement });
+                    return Err(MaximumError::NotConverged {
+                        iterations,
+                        decrement,
+                    });
                 }
                 let standard_errors = standard_errors(&found.information, &free)?;
                 return Ok(Maximum {
@@ -110,20 +121,23 @@ impl Likelihood<'_> {
         while *damping < 1e10 {
             if let Some(step) = scoring_step(found, free, *damping) {
                 let mut trial = theta.clone();
+                let mut shortened = false;
                 for (&i, step) in free.iter().zip(step.iter()) {
                     let unknown = &self.unknowns[i];
+                    shortened |= step.abs() > unknown.largest_step;
                     let step = step.clamp(-unknown.largest_step, unknown.largest_step);
                     trial[i] = (trial[i] + step).clamp(unknown.range.0, unknown.range.1);
                 }
                 let value = self.value(&trial, pieces.iter().copied());
                 if value < found.value {
                     let taken = DVector::from_fn(theta.len(), |i, _| trial[i] - theta[i]);
-                    let foretold = -found.gradient.dot(&taken) - 0.5 * taken.dot(&(&found.information * &taken));
+                    let foretold =
+                        -found.gradient.dot(&taken) - 0.5 * taken.dot(&(&found.information * &taken));
                     let share = (found.value - value) / foretold;
-                    if share > GOOD_STEP {
-                        *damping = (*damping * 0.2).max(1e-12);
+                    if shortened || share > GOOD_STEP {
+                        *damping = (*damping * 0.1).max(1e-12);
                     } else if !(share >= POOR_STEP) {
-                        *damping *= 5.0;
+                        *damping *= 2.0;
                     }
                     *theta = trial;
                     return true;
@@ -151,7 +165,11 @@ fn scoring_step(found: &Derivatives, free: &[usize], damping: f64) -> Option<DVe
     for i in 0..free.len() {
         // Without any information a unit keeps the step finite; its gradient is zero as well.
         let diagonal = matrix[(i, i)];
-        matrix[(i, i)] = if diagonal > 0.0 { diagonal * (1.0 + damping) } else { 1.0 };
+        matrix[(i, i)] = if diagonal > 0.0 {
+            diagonal * (1.0 + damping)
+        } else {
+            1.0
+        };
     }
     let step = Cholesky::new(matrix)?.solve(&found.gradient.select_rows(free));
     step.iter().all(|value| value.is_finite()).then(|| -step)
@@ -160,10 +178,18 @@ fn scoring_step(found: &Derivatives, free: &[usize], damping: f64) -> Option<DVe
 /// M over the free unknowns with a unit diagonal, and the roots of its diagonal.
 fn scaled(information: &DMatrix<f64>, free: &[usize]) -> (DMatrix<f64>, Vec<f64>) {
     let matrix = information.select_rows(free).select_columns(free);
-    let roots: Vec<f64> = matrix.diagonal().iter().map(|entry| entry.max(0.0).sqrt()).collect();
+    let roots: Vec<f64> = matrix
+        .diagonal()
+        .iter()
+        .map(|entry| entry.max(0.0).sqrt())
+        .collect();
     let scaled = DMatrix::from_fn(free.len(), free.len(), |i, j| {
         let product = roots[i] * roots[j];
-        if product > 0.0 { matrix[(i, j)] / product } else { 0.0 }
+        if product > 0.0 {
+            matrix[(i, j)] / product
+        } else {
+            0.0
+        }
     });
     (scaled, roots)
 }
@@ -191,7 +217,9 @@ fn standard_errors(information: &DMatrix<f64>, free: &[usize]) -> Result<Vec<f64
     let (scaled, roots) = scaled(information, free);
     let mut errors = vec![0.0; information.nrows()];
     let inverse = Cholesky::new(scaled).map(|factor| factor.inverse());
-    let inverse = inverse.ok_or(MaximumError::Undetermined { unknowns: free.to_vec() })?;
+    let inverse = inverse.ok_or(MaximumError::Undetermined {
+        unknowns: free.to_vec(),
+    })?;
     for (position, &i) in free.iter().enumerate() {
         errors[i] = inverse[(position, position)].sqrt() / roots[position];
     }

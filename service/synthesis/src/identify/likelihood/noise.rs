@@ -77,7 +77,11 @@ impl NoiseForm {
     }
 
     /// The unknowns; `name` tells what row i is, and `smallest` how far below its start a standard deviation may sink.
-    pub(in crate::identify) fn unknowns(&self, smallest: f64, name: impl Fn(usize) -> String) -> Vec<Unknown> {
+    pub(in crate::identify) fn unknowns(
+        &self,
+        smallest: f64,
+        name: impl Fn(usize) -> String,
+    ) -> Vec<Unknown> {
         let deviations = self.start_deviations();
         let unknown = |(i, j): (usize, usize)| {
             if i == j {

@@ -57,7 +57,13 @@ impl Likelihood<'_> {
         }
         let mean = |sum: f64, count: usize| sum / count.max(1) as f64;
         let square = |i: usize| mean(squares[i], counts[i]);
-        let correlation = |i: usize| if squares[i] > 0.0 { mean(products[i], pairs[i]) / square(i) } else { 0.0 };
+        let correlation = |i: usize| {
+            if squares[i] > 0.0 {
+                mean(products[i], pairs[i]) / square(i)
+            } else {
+                0.0
+            }
+        };
         Some(Prediction {
             elements,
             rms: (0..outputs).map(|i| square(i).sqrt()).collect(),
@@ -81,7 +87,9 @@ impl Prediction {
         let outputs = parts.first().map_or(0, |part| part.rms.len());
         Self {
             elements: total,
-            rms: (0..outputs).map(|i| mean(&|part| part.rms[i] * part.rms[i]).sqrt()).collect(),
+            rms: (0..outputs)
+                .map(|i| mean(&|part| part.rms[i] * part.rms[i]).sqrt())
+                .collect(),
             normalised_square: mean(&|part| part.normalised_square),
             correlation: (0..outputs).map(|i| mean(&|part| part.correlation[i])).collect(),
         }

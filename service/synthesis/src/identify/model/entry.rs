@@ -57,7 +57,9 @@ impl Parameters {
             used: vec![false; named.len()],
         };
         for (name, options) in named {
-            if name == "free" || FlatEx::<f64>::parse(name).map_or(true, |parsed| parsed.var_names() != [name.clone()]) {
+            if name == "free"
+                || FlatEx::<f64>::parse(name).map_or(true, |parsed| parsed.var_names() != [name.clone()])
+            {
                 return Err(StructureError::ParameterName { name: name.clone() });
             }
             let index = parameters.add(name.clone(), options)?;
@@ -78,7 +80,12 @@ impl Parameters {
         let start = options.start.unwrap_or(middle);
         // `nan` in either fails the comparison.
         if !(lower < upper && lower <= start && start <= upper && start.is_finite()) {
-            return Err(StructureError::Range { name, start, lower, upper });
+            return Err(StructureError::Range {
+                name,
+                start,
+                lower,
+                upper,
+            });
         }
         self.all.push(Parameter {
             name,
@@ -147,9 +154,10 @@ impl EntryMatrix {
 
     /// Whether any entry of the column depends on a parameter.
     pub(super) fn is_column_free(&self, column: usize) -> bool {
-        self.rows
-            .iter()
-            .any(|row| row.get(column).is_some_and(|entry| !matches!(entry, Entry::Fixed(_))))
+        self.rows.iter().any(|row| {
+            row.get(column)
+                .is_some_and(|entry| !matches!(entry, Entry::Fixed(_)))
+        })
     }
 
     /// The numbers for these parameters; NaN where an expression has no value.
@@ -165,11 +173,19 @@ impl EntryMatrix {
                 expression.eval(&values).unwrap_or(f64::NAN)
             }
         };
-        DMatrix::from_row_iterator(self.rows.len(), self.columns, self.rows.iter().flatten().map(value))
+        DMatrix::from_row_iterator(
+            self.rows.len(),
+            self.columns,
+            self.rows.iter().flatten().map(value),
+        )
     }
 }
 
-fn entry_of(place: String, entry: &EntryOptions, parameters: &mut Parameters) -> Result<Entry, StructureError> {
+fn entry_of(
+    place: String,
+    entry: &EntryOptions,
+    parameters: &mut Parameters,
+) -> Result<Entry, StructureError> {
     match entry {
         EntryOptions::Number(value) if value.is_finite() => Ok(Entry::Fixed(*value)),
         EntryOptions::Number(value) => Err(StructureError::NotFinite { place, value: *value }),
@@ -185,11 +201,14 @@ fn entry_of(place: String, entry: &EntryOptions, parameters: &mut Parameters) ->
             })?;
             let mut indices = Vec::new();
             for name in expression.var_names() {
-                let &index = parameters.named.get(name).ok_or_else(|| StructureError::UnknownParameter {
-                    place: place.clone(),
-                    expression: text.clone(),
-                    name: name.clone(),
-                })?;
+                let &index = parameters
+                    .named
+                    .get(name)
+                    .ok_or_else(|| StructureError::UnknownParameter {
+                        place: place.clone(),
+                        expression: text.clone(),
+                        name: name.clone(),
+                    })?;
                 parameters.used[index] = true;
                 indices.push(index);
             }

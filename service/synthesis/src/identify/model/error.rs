@@ -72,7 +72,9 @@ pub enum StructureError {
         name: String,
     },
     /// A name that is no variable.
-    #[error("`{name}` cannot be the name of a parameter; use a letter followed by letters and digits, not `free`")]
+    #[error(
+        "`{name}` cannot be the name of a parameter; use a letter followed by letters and digits, not `free`"
+    )]
     ParameterName {
         /// The name.
         name: String,
@@ -102,7 +104,9 @@ pub enum StructureError {
         help: &'static str,
     },
     /// A covariance that is none.
-    #[error("`{key}` is not a covariance: {reason:?}; make it symmetric and positive (definite unless it is diagonal)")]
+    #[error(
+        "`{key}` is not a covariance: {reason:?}; make it symmetric and positive (definite unless it is diagonal)"
+    )]
     Covariance {
         /// The key.
         key: &'static str,

@@ -58,7 +58,9 @@ impl IdentifiedModel {
     pub fn cross_validation_ratio(&self) -> f64 {
         let normalised = self.cross_validation.normalised_square / self.training.normalised_square;
         let ratios = self.cross_validation.rms.iter().zip(&self.training.rms);
-        ratios.map(|(left_out, own)| left_out / own).fold(normalised.sqrt(), f64::max)
+        ratios
+            .map(|(left_out, own)| left_out / own)
+            .fold(normalised.sqrt(), f64::max)
     }
 
     /// Whether unseen runs are predicted so much worse than those of the fit that the model has too many free entries.

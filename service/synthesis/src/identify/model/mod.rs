@@ -18,11 +18,11 @@ pub(in crate::identify) use figures::OVERFITTED;
 pub use figures::{FoundParameter, IdentifiedModel};
 pub use structure::{Structure, StructureOptions};
 
+use super::IdentifyError;
 use super::likelihood::maximise::{Maximum, MaximumError};
 use super::likelihood::noise::NoiseForm;
 use super::likelihood::{Likelihood, Unknown};
 use super::run_data::{Piece, RunData, Widths, cut};
-use super::IdentifyError;
 use crate::bounds::round;
 use nalgebra::DMatrix;
 
@@ -53,7 +53,11 @@ pub fn identify_model(
     let held_out = cut(widths, validation)?;
     match training {
         [] => return Err(IdentifyError::NoTrainingRuns.into()),
-        [only] => return Err(ModelIdentificationError::SingleRun { run: only.name.clone() }),
+        [only] => {
+            return Err(ModelIdentificationError::SingleRun {
+                run: only.name.clone(),
+            });
+        }
         _ => {}
     }
     let flat: Vec<&Piece> = pieces.iter().flatten().collect();
@@ -65,7 +69,11 @@ pub fn identify_model(
     let needed = ELEMENTS_PER_UNKNOWN * likelihood.unknowns.len();
     if elements < needed {
         let unknowns = likelihood.unknowns.len();
-        return Err(ModelIdentificationError::TooFew { elements, unknowns, needed });
+        return Err(ModelIdentificationError::TooFew {
+            elements,
+            unknowns,
+            needed,
+        });
     }
     let start: Vec<f64> = likelihood.unknowns.iter().map(|unknown| unknown.start).collect();
     let maximum = maximise(&likelihood, &flat, &start)?;
@@ -75,7 +83,12 @@ pub fn identify_model(
     for fold in 0..folds {
         let (mut others, mut own) = (Vec::new(), Vec::new());
         for (run, pieces) in pieces.iter().enumerate() {
-            if run % folds == fold { &mut own } else { &mut others }.extend(pieces);
+            if run % folds == fold {
+                &mut own
+            } else {
+                &mut others
+            }
+            .extend(pieces);
         }
         let without = maximise(&likelihood, &others, &maximum.theta)?;
         left_out.push(predict(&likelihood, &without.theta, &own)?);
@@ -147,12 +160,16 @@ fn likelihood<'a>(
     let start: Vec<f64> = unknowns.iter().map(|unknown| unknown.start).collect();
     let at_start = plant(&start).ok_or(ModelIdentificationError::Start)?;
     let (disturbance_guess, measurement_guess) = noise_guess(&at_start, pieces);
-    let form = |given: &Option<NoiseForm>, guess: &[f64]| given.clone().unwrap_or_else(|| NoiseForm::diagonal(guess));
+    let form = |given: &Option<NoiseForm>, guess: &[f64]| {
+        given.clone().unwrap_or_else(|| NoiseForm::diagonal(guess))
+    };
     let disturbance = form(&structure.disturbance, &disturbance_guess);
     let measurement = form(&structure.measurement, &measurement_guess);
     let model_count = unknowns.len();
     unknowns.extend(disturbance.unknowns(SMALLEST.0, |j| format!("standard deviation of disturbance {j}")));
-    unknowns.extend(measurement.unknowns(SMALLEST.1, |i| format!("standard deviation of the noise of measurement {i}")));
+    unknowns.extend(measurement.unknowns(SMALLEST.1, |i| {
+        format!("standard deviation of the noise of measurement {i}")
+    }));
     Ok(Likelihood {
         plant,
         unknowns,
@@ -178,34 +195,60 @@ fn noise_guess(plant: &Plant, pieces: &[&Piece]) -> (Vec<f64>, Vec<f64>) {
         }
         (0.25 * sum.0 / sum.1.max(1) as f64).sqrt()
     };
-    let measurement: Vec<f64> = (0..plant.c.nrows()).map(change).map(|guess| guess.max(f64::MIN_POSITIVE.sqrt())).collect();
+    let measurement: Vec<f64> = (0..plant.c.nrows())
+        .map(change)
+        .map(|guess| guess.max(f64::MIN_POSITIVE.sqrt()))
+        .collect();
     // Of a state: the change of the outputs that show it; of all outputs if none does.
     let seen = |state: usize| {
         let shown = (0..measurement.len()).map(|i| (plant.c[(i, state)].abs(), measurement[i]));
-        let of_state = shown.filter(|(entry, _)| *entry > 0.0).map(|(entry, change)| change / entry);
+        let of_state = shown
+            .filter(|(entry, _)| *entry > 0.0)
+            .map(|(entry, change)| change / entry);
         of_state.reduce(f64::max)
     };
     let any = measurement.iter().copied().fold(0.0, f64::max);
     let disturbance = plant.disturbance.column_iter().map(|column| {
-        let of_entry = |(state, entry): (usize, &f64)| (*entry != 0.0).then(|| seen(state).unwrap_or(any) / entry.abs());
-        column.iter().enumerate().filter_map(of_entry).reduce(f64::min).unwrap_or(0.0)
+        let of_entry =
+            |(state, entry): (usize, &f64)| (*entry != 0.0).then(|| seen(state).unwrap_or(any) / entry.abs());
+        column
+            .iter()
+            .enumerate()
+            .filter_map(of_entry)
+            .reduce(f64::min)
+            .unwrap_or(0.0)
     });
     (disturbance.collect(), measurement)
 }
 
-fn maximise(likelihood: &Likelihood<'_>, pieces: &[&Piece], start: &[f64]) -> Result<Maximum, ModelIdentificationError> {
+fn maximise(
+    likelihood: &Likelihood<'_>,
+    pieces: &[&Piece],
+    start: &[f64],
+) -> Result<Maximum, ModelIdentificationError> {
     likelihood.maximise(pieces, start).map_err(|error| match error {
         MaximumError::Start => ModelIdentificationError::Start,
-        MaximumError::NotConverged { iterations, decrement } => {
-            ModelIdentificationError::NotConverged { iterations, decrement }
-        }
+        MaximumError::NotConverged {
+            iterations,
+            decrement,
+        } => ModelIdentificationError::NotConverged {
+            iterations,
+            decrement,
+        },
         MaximumError::Undetermined { unknowns } => ModelIdentificationError::Undetermined {
-            names: unknowns.iter().map(|&i| likelihood.unknowns[i].name.clone()).collect(),
+            names: unknowns
+                .iter()
+                .map(|&i| likelihood.unknowns[i].name.clone())
+                .collect(),
         },
     })
 }
 
-fn predict(likelihood: &Likelihood<'_>, theta: &[f64], pieces: &[&Piece]) -> Result<Prediction, ModelIdentificationError> {
+fn predict(
+    likelihood: &Likelihood<'_>,
+    theta: &[f64],
+    pieces: &[&Piece],
+) -> Result<Prediction, ModelIdentificationError> {
     likelihood
         .prediction(theta, pieces.iter().copied())
         .ok_or(ModelIdentificationError::Start)
@@ -237,7 +280,11 @@ fn rounded(plant: Plant) -> Plant {
 }
 
 fn received(piece: &Piece) -> usize {
-    piece.measurements.iter().filter(|value| value.is_finite()).count()
+    piece
+        .measurements
+        .iter()
+        .filter(|value| value.is_finite())
+        .count()
 }
 
 /// Refuses signals that tell nothing.
@@ -245,10 +292,15 @@ fn check_signals(structure: &Structure, pieces: &[&Piece]) -> Result<(), ModelId
     let constant = |values: &mut dyn Iterator<Item = f64>| {
         let mut values = values.filter(|value| value.is_finite());
         let first = values.next();
-        (first, first.is_some_and(|first| values.all(|value| value == first)))
+        (
+            first,
+            first.is_some_and(|first| values.all(|value| value == first)),
+        )
     };
     for index in 0..structure.output_count() {
-        let mut values = pieces.iter().flat_map(|piece| piece.measurements.row(index).iter().copied().collect::<Vec<_>>());
+        let mut values = pieces
+            .iter()
+            .flat_map(|piece| piece.measurements.row(index).iter().copied().collect::<Vec<_>>());
         match constant(&mut values) {
             (None, _) => return Err(ModelIdentificationError::NeverReceived { index }),
             (Some(value), true) => {
@@ -259,7 +311,9 @@ fn check_signals(structure: &Structure, pieces: &[&Piece]) -> Result<(), ModelId
         }
     }
     for index in (0..structure.command_count()).filter(|&command| structure.is_command_free(command)) {
-        let mut values = pieces.iter().flat_map(|piece| piece.commands.row(index).iter().copied().collect::<Vec<_>>());
+        let mut values = pieces
+            .iter()
+            .flat_map(|piece| piece.commands.row(index).iter().copied().collect::<Vec<_>>());
         if let (Some(value), true) = constant(&mut values) {
             let kind = "command";
             return Err(ModelIdentificationError::Constant { kind, index, value });

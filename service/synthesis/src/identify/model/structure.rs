@@ -87,11 +87,18 @@ impl Structure {
         let nx = options.a.len();
         let zero = |rows: usize, columns: usize| vec![vec![EntryOptions::Number(0.0); columns]; rows];
         let or_zero = |rows: &Vec<Vec<EntryOptions>>, shape: (usize, usize)| {
-            if rows.is_empty() { zero(shape.0, shape.1) } else { rows.clone() }
+            if rows.is_empty() {
+                zero(shape.0, shape.1)
+            } else {
+                rows.clone()
+            }
         };
         let b = read("B", &or_zero(&options.b, (nx, command_count)))?;
         let c = read("C", &options.c)?;
-        let feedthrough = read("feedthrough", &or_zero(&options.feedthrough, (output_count, command_count)))?;
+        let feedthrough = read(
+            "feedthrough",
+            &or_zero(&options.feedthrough, (output_count, command_count)),
+        )?;
         let d = read("D", &or_zero(&options.d, (nx, 0)))?;
         parameters.all_used()?;
         let nd = d.shape().1;
@@ -99,17 +106,30 @@ impl Structure {
             ("A", &a, (nx.max(1), nx.max(1)), "states x states"),
             ("B", &b, (nx, command_count), "states x commands"),
             ("C", &c, (output_count.max(1), nx), "measurements x states"),
-            ("feedthrough", &feedthrough, (output_count, command_count), "measurements x commands"),
+            (
+                "feedthrough",
+                &feedthrough,
+                (output_count, command_count),
+                "measurements x commands",
+            ),
             ("D", &d, (nx, nd), "states x disturbances"),
         ];
         for (key, matrix, expected, meaning) in expected {
             if matrix.shape() != expected {
                 let (actual, expected) = (shape(matrix.shape()), shape(expected));
-                return Err(StructureError::Shape { key, actual, expected, meaning });
+                return Err(StructureError::Shape {
+                    key,
+                    actual,
+                    expected,
+                    meaning,
+                });
             }
         }
         let form = |key, covariance: &Option<Vec<Vec<f64>>>, size| {
-            covariance.as_ref().map(|rows| noise_form(key, rows, size)).transpose()
+            covariance
+                .as_ref()
+                .map(|rows| noise_form(key, rows, size))
+                .transpose()
         };
         let disturbance = form("disturbance_covariance", &options.disturbance_covariance, nd)?;
         let key = "measurement_noise_covariance";
@@ -118,10 +138,23 @@ impl Structure {
             && form.start_deviations().contains(&0.0)
         {
             let help = "measurement noise needs a variance above 0";
-            return Err(StructureError::Value { key, value: 0.0, help });
+            return Err(StructureError::Value {
+                key,
+                value: 0.0,
+                help,
+            });
         }
-        let center = options.initial_state_center.clone().unwrap_or_else(|| vec![0.0; nx]);
-        let center = list("initial_state_center", &center, nx, |_| true, "use finite numbers")?;
+        let center = options
+            .initial_state_center
+            .clone()
+            .unwrap_or_else(|| vec![0.0; nx]);
+        let center = list(
+            "initial_state_center",
+            &center,
+            nx,
+            |_| true,
+            "use finite numbers",
+        )?;
         let key = "initial_state_radius";
         let help = "use finite numbers above 0, wide enough for wherever a run begins";
         let radius = list(key, &options.initial_state_radius, nx, |value| value > 0.0, help)?;
@@ -202,7 +235,9 @@ fn zero_order_hold(continuous: Plant, sample_time_s: f64) -> Plant {
     let mut augmented = DMatrix::zeros(nx + nu + nd, nx + nu + nd);
     augmented.view_mut((0, 0), (nx, nx)).copy_from(&continuous.a);
     augmented.view_mut((0, nx), (nx, nu)).copy_from(&continuous.b);
-    augmented.view_mut((0, nx + nu), (nx, nd)).copy_from(&continuous.disturbance);
+    augmented
+        .view_mut((0, nx + nu), (nx, nd))
+        .copy_from(&continuous.disturbance);
     let exponential = matrix_exponential(&(augmented * sample_time_s));
     Plant {
         a: exponential.view((0, 0), (nx, nx)).into_owned(),
@@ -213,7 +248,11 @@ fn zero_order_hold(continuous: Plant, sample_time_s: f64) -> Plant {
 }
 
 fn noise_form(key: &'static str, rows: &[Vec<f64>], size: usize) -> Result<NoiseForm, StructureError> {
-    let columns = rows.iter().map(Vec::len).find(|&columns| columns != size).unwrap_or(size);
+    let columns = rows
+        .iter()
+        .map(Vec::len)
+        .find(|&columns| columns != size)
+        .unwrap_or(size);
     if (rows.len(), columns) != (size, size) {
         return Err(StructureError::Shape {
             key,

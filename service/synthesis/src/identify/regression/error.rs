@@ -16,7 +16,9 @@ pub enum RegressionError {
         output: String,
     },
     /// The output on its own right side, at the same row.
-    #[error("the equation of `{output}` uses its own output at the same row; give that term a lag of 1 or more")]
+    #[error(
+        "the equation of `{output}` uses its own output at the same row; give that term a lag of 1 or more"
+    )]
     OwnOutput {
         /// The output.
         output: String,

@@ -21,7 +21,11 @@ pub(super) fn fit(rows: &Rows) -> Result<Solved, Vec<usize>> {
     let count = rows.free_count();
     if count == 0 {
         let none = DVector::zeros(0);
-        return Ok(Solved { free: none.clone(), standard_errors: none, condition: 1.0 });
+        return Ok(Solved {
+            free: none.clone(),
+            standard_errors: none,
+            condition: 1.0,
+        });
     }
     let norms = DVector::from_fn(count, |j, _| rows.regressors.column(j).norm());
     let unit = norms.map(|norm| if norm > 0.0 { norm.recip() } else { 0.0 });
@@ -37,7 +41,9 @@ pub(super) fn fit(rows: &Rows) -> Result<Solved, Vec<usize>> {
         let takes_part = |j: &usize| dependent.row(*j).amax() > SHARE;
         return Err((0..count).filter(takes_part).collect());
     }
-    let inverse = decomposition.left_inverse(RANK).ok_or_else(|| (0..count).collect::<Vec<_>>())?;
+    let inverse = decomposition
+        .left_inverse(RANK)
+        .ok_or_else(|| (0..count).collect::<Vec<_>>())?;
     let free = (&inverse * q.tr_mul(rows.target())).component_mul(&unit);
     let freedom = rows.len().saturating_sub(count).max(1);
     let variance = rows.residual(&free).norm_squared() / freedom as f64;

@@ -116,7 +116,11 @@ pub fn identify_regression(
     rows::check(signals, equations, training.iter().chain(validation))?;
     match training {
         [] => return Err(RegressionError::NoTrainingRuns),
-        [only] => return Err(RegressionError::SingleRun { run: only.name.clone() }),
+        [only] => {
+            return Err(RegressionError::SingleRun {
+                run: only.name.clone(),
+            });
+        }
         _ => {}
     }
     let mut found = Vec::with_capacity(equations.len());
@@ -156,22 +160,34 @@ fn identify_equation(
     }
     for (column, name) in rows.regressors.column_iter().zip(rows.names(signals, equation)) {
         if column.iter().all(|value| *value == column[0]) && name != CONSTANT {
-            return Err(RegressionError::Constant { signal: name, value: column[0] });
+            return Err(RegressionError::Constant {
+                signal: name,
+                value: column[0],
+            });
         }
     }
     let solved = fit(&rows).map_err(|dependent| RegressionError::Dependent {
         output: output.clone(),
-        regressors: dependent.iter().map(|&j| rows.names(signals, equation)[j].clone()).collect(),
+        regressors: dependent
+            .iter()
+            .map(|&j| rows.names(signals, equation)[j].clone())
+            .collect(),
     })?;
     let residual = rows.residual(&solved.free);
     let folds = FOLDS.min(training.len());
     let mut left_out = Vec::new();
     for fold in 0..folds {
         let group = |own: bool| -> Vec<SignalRun> {
-            let chosen = training.iter().enumerate().filter(|(run, _)| (run % folds == fold) == own);
+            let chosen = training
+                .iter()
+                .enumerate()
+                .filter(|(run, _)| (run % folds == fold) == own);
             chosen.map(|(_, run)| run.clone()).collect()
         };
-        let (own, others) = (Rows::new(equation, &group(true)), Rows::new(equation, &group(false)));
+        let (own, others) = (
+            Rows::new(equation, &group(true)),
+            Rows::new(equation, &group(false)),
+        );
         let without = fit(&others).map_err(|_| RegressionError::DependentInFold {
             output: output.clone(),
             folds,
@@ -187,7 +203,8 @@ fn identify_equation(
         correlation: rows.correlation(&residual),
         training: figures(&rows.output, &residual),
         cross_validation: figures(&rows.output, &DVector::from_vec(left_out)),
-        validation: (validated.len() > 0).then(|| figures(&validated.output, &validated.residual(&solved.free))),
+        validation: (validated.len() > 0)
+            .then(|| figures(&validated.output, &validated.residual(&solved.free))),
     })
 }
 
@@ -203,7 +220,11 @@ fn figures(output: &DVector<f64>, residual: &DVector<f64>) -> Fit {
     Fit {
         rows,
         rms: square.sqrt(),
-        r_squared: if variance > 0.0 { 1.0 - square / variance } else { f64::NEG_INFINITY },
+        r_squared: if variance > 0.0 {
+            1.0 - square / variance
+        } else {
+            f64::NEG_INFINITY
+        },
     }
 }
 
@@ -216,9 +237,10 @@ fn residual_covariance(
     let mut count = 0_usize;
     for run in training {
         for k in 0..run.rows.len() {
-            let residuals = equations.iter().zip(found).map(|(equation, found)| {
-                rows::residual_at(equation, &found.coefficients, run, k)
-            });
+            let residuals = equations
+                .iter()
+                .zip(found)
+                .map(|(equation, found)| rows::residual_at(equation, &found.coefficients, run, k));
             if let Some(residuals) = residuals.collect::<Option<Vec<f64>>>() {
                 let residuals = DVector::from_vec(residuals);
                 sum += &residuals * residuals.transpose();

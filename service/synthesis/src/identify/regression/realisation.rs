@@ -50,7 +50,15 @@ impl Regression {
     /// The equations with their past as states.
     pub fn shift_register(&self) -> ShiftRegister {
         let commands = self.regressors();
-        let depth = |e: usize| self.equations[e].terms.iter().map(|term| term.lag).max().unwrap_or(0).max(1);
+        let depth = |e: usize| {
+            self.equations[e]
+                .terms
+                .iter()
+                .map(|term| term.lag)
+                .max()
+                .unwrap_or(0)
+                .max(1)
+        };
         let outputs = self.equations.len();
         let first: Vec<usize> = (0..outputs).map(|e| (0..e).map(depth).sum()).collect();
         let states: usize = (0..outputs).map(depth).sum();
@@ -94,19 +102,29 @@ impl Regression {
     /// # Errors
     /// [`RegressionError::NotFirstOrder`]: a term whose lag is not 1, or a constant.
     pub fn first_order(&self) -> Result<FirstOrder, RegressionError> {
-        let refuse = |reason: &str| RegressionError::NotFirstOrder { reason: reason.to_owned() };
+        let refuse = |reason: &str| RegressionError::NotFirstOrder {
+            reason: reason.to_owned(),
+        };
         let outputs: Vec<usize> = self.equations.iter().map(|equation| equation.output).collect();
         if self.equations.iter().any(|equation| equation.constant) {
             return Err(refuse("this method's model has no constant"));
         }
-        if self.equations.iter().flat_map(|equation| &equation.terms).any(|term| term.lag != 1) {
+        if self
+            .equations
+            .iter()
+            .flat_map(|equation| &equation.terms)
+            .any(|term| term.lag != 1)
+        {
             return Err(refuse("as a model of this method, every term needs the lag 1"));
         }
         if (1..outputs.len()).any(|e| outputs[..e].contains(&outputs[e])) {
             return Err(refuse("two equations have the same output"));
         }
-        let commands: Vec<usize> =
-            self.regressors().into_iter().filter(|signal| !outputs.contains(signal)).collect();
+        let commands: Vec<usize> = self
+            .regressors()
+            .into_iter()
+            .filter(|signal| !outputs.contains(signal))
+            .collect();
         let mut model = FirstOrder {
             a: DMatrix::zeros(outputs.len(), outputs.len()),
             b: DMatrix::zeros(outputs.len(), commands.len()),

@@ -38,14 +38,22 @@ pub(super) fn check<'r>(
         for (position, term) in equation.terms.iter().enumerate() {
             let name = term_name(signals, term);
             let same = |other: &Term| (other.signal, other.lag) == (term.signal, term.lag);
-            if same(&Term { signal: equation.output, lag: 0, coefficient: None }) {
+            if same(&Term {
+                signal: equation.output,
+                lag: 0,
+                coefficient: None,
+            }) {
                 return Err(RegressionError::OwnOutput { output });
             }
             if equation.terms[..position].iter().any(same) {
                 return Err(RegressionError::Twice { output, term: name });
             }
             if let Some(value) = term.coefficient.filter(|value| !value.is_finite()) {
-                return Err(RegressionError::Coefficient { output, term: name, value });
+                return Err(RegressionError::Coefficient {
+                    output,
+                    term: name,
+                    value,
+                });
             }
         }
     }
@@ -53,7 +61,12 @@ pub(super) fn check<'r>(
         for (row, values) in run.rows.iter().enumerate() {
             if values.len() != signals.len() {
                 let (run, actual, expected) = (run.name.clone(), values.len(), signals.len());
-                return Err(RegressionError::WrongWidth { run, row, actual, expected });
+                return Err(RegressionError::WrongWidth {
+                    run,
+                    row,
+                    actual,
+                    expected,
+                });
             }
             if let Some(signal) = values.iter().position(|value| value.is_infinite()) {
                 let (run, signal) = (run.name.clone(), signals[signal].clone());
@@ -71,7 +84,12 @@ fn value_at(run: &SignalRun, signal: usize, lag: usize, k: usize) -> Option<f64>
 }
 
 /// e(k) with these coefficients of all terms and the constant; `None` where a value is missing.
-pub(super) fn residual_at(equation: &Equation, coefficients: &[f64], run: &SignalRun, k: usize) -> Option<f64> {
+pub(super) fn residual_at(
+    equation: &Equation,
+    coefficients: &[f64],
+    run: &SignalRun,
+    k: usize,
+) -> Option<f64> {
     let mut residual = value_at(run, equation.output, 0, k)?;
     for (term, coefficient) in equation.terms.iter().zip(coefficients) {
         residual -= coefficient * value_at(run, term.signal, term.lag, k)?;
@@ -96,9 +114,18 @@ pub(super) struct Rows {
 
 impl Rows {
     pub(super) fn new(equation: &Equation, runs: &[SignalRun]) -> Self {
-        let free: Vec<&Term> = equation.terms.iter().filter(|term| term.coefficient.is_none()).collect();
-        let given: Vec<f64> = equation.terms.iter().map(|term| term.coefficient.unwrap_or(0.0)).collect();
-        let (mut regressors, mut output, mut target, mut follows) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let free: Vec<&Term> = equation
+            .terms
+            .iter()
+            .filter(|term| term.coefficient.is_none())
+            .collect();
+        let given: Vec<f64> = equation
+            .terms
+            .iter()
+            .map(|term| term.coefficient.unwrap_or(0.0))
+            .collect();
+        let (mut regressors, mut output, mut target, mut follows) =
+            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let mut skipped = 0;
         for run in runs {
             let mut before = false;
@@ -109,7 +136,9 @@ impl Rows {
                         target.push(remainder);
                         output.push(value);
                         follows.push(before);
-                        let values = free.iter().map(|term| value_at(run, term.signal, term.lag, k).unwrap_or(f64::NAN));
+                        let values = free
+                            .iter()
+                            .map(|term| value_at(run, term.signal, term.lag, k).unwrap_or(f64::NAN));
                         regressors.extend(values.chain(equation.constant.then_some(1.0)));
                         true
                     }
@@ -172,7 +201,8 @@ impl Rows {
         let mut free = free.iter().copied();
         let terms = equation.terms.iter().map(|term| term.coefficient);
         let all = terms.chain(equation.constant.then_some(None));
-        all.map(|given| given.or_else(|| free.next()).unwrap_or(0.0)).collect()
+        all.map(|given| given.or_else(|| free.next()).unwrap_or(0.0))
+            .collect()
     }
 
     /// Standard errors likewise.
@@ -180,6 +210,7 @@ impl Rows {
         let mut free = free.iter().copied();
         let terms = equation.terms.iter().map(|term| term.coefficient);
         let all = terms.chain(equation.constant.then_some(None));
-        all.map(|given| if given.is_some() { None } else { free.next() }).collect()
+        all.map(|given| if given.is_some() { None } else { free.next() })
+            .collect()
     }
 }
