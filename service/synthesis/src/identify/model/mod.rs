@@ -32,7 +32,7 @@ const FOLDS: usize = 5;
 const ELEMENTS_PER_UNKNOWN: usize = 10;
 /// How far below its start the standard deviation of a disturbance may sink before it counts as zero, and that of the
 /// noise of a measurement, which keeps this value so that R stays positive definite.
-const SMALLEST: (f64, f64) = (1e-4, 1e-3);
+const SMALLEST: (f64, f64) = (1e-4, 1e-5);
 /// Significant digits of the parameters, and of the entries and covariances that follow from them.
 const DIGITS: (usize, usize) = (6, 8);
 
