@@ -136,7 +136,7 @@ impl Likelihood<'_> {
                     let share = (found.value - value) / foretold;
                     if shortened || share > GOOD_STEP {
                         *damping = (*damping * 0.1).max(1e-12);
-                    } else if !(share >= POOR_STEP) {
+                    } else if share < POOR_STEP || share.is_nan() {
                         *damping *= 2.0;
                     }
                     *theta = trial;

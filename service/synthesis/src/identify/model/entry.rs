@@ -110,7 +110,7 @@ impl Parameters {
 enum Entry {
     Fixed(f64),
     Free(usize),
-    Expression(FlatEx<f64>, Vec<usize>),
+    Expression(Box<FlatEx<f64>>, Vec<usize>),
 }
 
 /// A matrix of entries.
@@ -216,7 +216,7 @@ fn entry_of(
                 let value = expression.eval(&[]).unwrap_or(f64::NAN);
                 return entry_of(place, &EntryOptions::Number(value), parameters);
             }
-            Ok(Entry::Expression(expression, indices))
+            Ok(Entry::Expression(Box::new(expression), indices))
         }
     }
 }

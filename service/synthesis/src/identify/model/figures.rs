@@ -65,6 +65,7 @@ impl IdentifiedModel {
 
     /// Whether unseen runs are predicted so much worse than those of the fit that the model has too many free entries.
     pub fn is_overfitted(&self) -> bool {
-        !(self.cross_validation_ratio() <= OVERFITTED)
+        let ratio = self.cross_validation_ratio();
+        ratio > OVERFITTED || ratio.is_nan()
     }
 }

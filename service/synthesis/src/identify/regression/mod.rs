@@ -87,7 +87,7 @@ pub struct FoundEquation {
 impl FoundEquation {
     /// Whether unseen runs are predicted so much worse than those of the fit that it has too many free coefficients.
     pub fn is_overfitted(&self) -> bool {
-        !(self.cross_validation.rms <= OVERFITTED * self.training.rms)
+        self.cross_validation.rms > OVERFITTED * self.training.rms
     }
 }
 
