@@ -64,7 +64,7 @@ pub enum Command {
         /// The gains file.
         gains: PathBuf,
     },
-    /// Identify disturbance and noise bounds from a fault-free recording.
+    /// Identify a model, its disturbance and noise bounds, or its covariances from a fault-free recording.
     #[cfg(feature = "synthesis")]
     Identify(identify::IdentifyArguments),
     /// Identify disturbance and noise bounds (not in this program: it was built without the feature `synthesis`).

@@ -27,9 +27,23 @@ pub fn round_up(value: f64, digits: usize) -> f64 {
         .unwrap_or(value)
 }
 
+/// The decimal number of `digits` significant digits next to `value`; like [`round_up`] otherwise.
+pub fn round(value: f64, digits: usize) -> f64 {
+    let nearest = format!("{value:.*e}", digits.clamp(1, 17) - 1).parse();
+    nearest.ok().filter(|_| value.is_finite()).unwrap_or(value)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rounding_takes_the_nearest_number_of_few_digits() {
+        assert_eq!(round(0.003_814_9, 3), 0.003_81);
+        assert_eq!(round(-9.996, 3), -10.0);
+        assert_eq!(round(0.0, 3), 0.0);
+        assert_eq!(round(f64::INFINITY, 3), f64::INFINITY);
+    }
 
     #[test]
     fn rounding_never_goes_down_and_keeps_few_digits() {

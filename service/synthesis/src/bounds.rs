@@ -2,7 +2,7 @@
 
 use nalgebra::DVector;
 use residual_diagnosis::model::LinearModel;
-pub use residual_diagnosis::rounding::round_up;
+pub use residual_diagnosis::rounding::{round, round_up};
 
 /// The bounds w of |d| and v of |v(k)| (method sheet 2).
 #[derive(Clone, Debug, PartialEq)]

@@ -1,9 +1,9 @@
 //! Off-line design for model-based fault diagnosis: the work that needs a solver.
 //!
 //! Nothing here runs in real time. One module a method finds its gains: [`unknown_input_filter`] by linear programs,
-//! [`reduced_order_observer`] and [`hinf_filter`] by matrix inequalities; [`identify`] finds models and their bounds in
-//! recordings. [Linear programs](linear_program) and [semidefinite programs](semidefinite) are solved by one
-//! [interior-point method](conic); no result is taken from the solver unchecked.
+//! [`reduced_order_observer`] and [`hinf_filter`] by matrix inequalities; [`identify`] finds models, their bounds and
+//! covariances in recordings. [Linear programs](linear_program) and [semidefinite programs](semidefinite) are solved by
+//! one [interior-point method](conic); no result is taken from the solver unchecked.
 
 pub mod bounds;
 pub mod conic;

@@ -23,9 +23,9 @@ pub struct TimedSample {
 #[derive(Debug, thiserror::Error)]
 pub enum MappingError {
     /// An expression cannot be parsed.
-    #[error("replay value `{expression}` of input `{input}` is not an expression: {reason}")]
+    #[error("value `{expression}` of `{input}` is not an expression: {reason}")]
     Expression {
-        /// The input.
+        /// The input, or whatever else the value belongs to.
         input: String,
         /// The expression.
         expression: String,
@@ -33,11 +33,9 @@ pub enum MappingError {
         reason: String,
     },
     /// An expression uses a column that is not there.
-    #[error(
-        "replay value `{expression}` of input `{input}` uses the column `{column}`; the recording has: {columns}"
-    )]
+    #[error("value `{expression}` of `{input}` uses the column `{column}`; the recording has: {columns}")]
     NoColumn {
-        /// The input.
+        /// The input, or whatever else the value belongs to.
         input: String,
         /// The expression.
         expression: String,
@@ -49,7 +47,7 @@ pub enum MappingError {
 }
 
 /// An expression with the columns of its variables, in the parser's order.
-struct Value {
+pub(crate) struct Value {
     expression: FlatEx<f64>,
     columns: Vec<usize>,
 }
@@ -125,7 +123,8 @@ impl Feed {
 }
 
 impl Value {
-    fn new(input: &str, text: &str, recording: &Recording) -> Result<Self, MappingError> {
+    /// Resolves the expression of `input` against the recording's columns.
+    pub(crate) fn new(input: &str, text: &str, recording: &Recording) -> Result<Self, MappingError> {
         let expression: FlatEx<f64> = exmex::parse(text).map_err(|error| MappingError::Expression {
             input: input.into(),
             expression: text.into(),
@@ -151,7 +150,8 @@ impl Value {
         Ok(Self { expression, columns })
     }
 
-    fn of(&self, row: &[f64], variables: &mut Vec<f64>) -> f64 {
+    /// The value in a row; NaN where a column is empty.
+    pub(crate) fn of(&self, row: &[f64], variables: &mut Vec<f64>) -> f64 {
         variables.clear();
         variables.extend(self.columns.iter().map(|&column| row[column]));
         self.expression.eval(variables).unwrap_or(f64::NAN)

@@ -33,6 +33,11 @@ impl Recording {
         })
     }
 
+    /// Where it is.
+    pub fn path(&self) -> &std::path::Path {
+        &self.recording
+    }
+
     /// Replays it; gives what was printed.
     pub fn replay(&self, options: &[&str]) -> String {
         let output = Command::new(env!("CARGO_BIN_EXE_residuald"))

@@ -1,7 +1,7 @@
 //! One step of the ladder: bounds for given noise scales, and how far they can be trusted.
 
 use super::report::{StepBounds, StepOutcome};
-use super::run_data::{Piece, cut};
+use super::run_data::{Piece, Widths, cut};
 use super::trajectory::{Goal, Plant, TrajectoryError};
 use super::{IdentifyError, IdentifyOptions, RunData};
 use crate::bounds::{NoiseBounds, round_up};
@@ -45,11 +45,15 @@ impl<'a> Evaluator<'a> {
         options: &'a IdentifyOptions,
     ) -> Result<Self, IdentifyError> {
         let names = |runs: &'a [RunData]| runs.iter().map(|run| run.name.as_str()).collect();
+        let widths = Widths {
+            commands: model.actuator_count(),
+            measurements: model.output_count(),
+        };
         Ok(Self {
             model,
             options,
-            training: cut(model, training)?,
-            validation: cut(model, validation)?,
+            training: cut(widths, training)?,
+            validation: cut(widths, validation)?,
             training_names: names(training),
             validation_names: names(validation),
             plant: Plant::new(model, model.w()),

@@ -1,4 +1,5 @@
-//! Bounds of disturbances and measurement noise from fault-free recordings.
+//! Models, bounds and covariances from fault-free recordings: state-space structures in [`model`], equations in
+//! [`regression`], and here the bounds of disturbances and measurement noise of a given model.
 //!
 //! For a given noise bound ν v, linear programming finds for each run the smallest scales s_j of the disturbances
 //! with which a trajectory exists that fulfils the model exactly:
@@ -26,7 +27,10 @@
 
 mod error;
 mod evaluate;
+mod likelihood;
+pub mod model;
 mod options;
+pub mod regression;
 mod report;
 mod run_data;
 mod search;
@@ -34,7 +38,7 @@ mod trajectory;
 
 pub use error::IdentifyError;
 pub use options::{IdentifyOptions, NoiseSearch};
-pub use report::{Identification, LadderStep, StepBounds, StepOutcome};
+pub use report::{Figures, Identification, LadderStep, StepBounds, StepOutcome};
 pub use run_data::RunData;
 
 use evaluate::Evaluator;

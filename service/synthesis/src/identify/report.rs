@@ -146,46 +146,43 @@ impl Identification {
     }
 }
 
-impl fmt::Display for Identification {
+/// What an [`Identification`] rests on, without the keys of a configuration.
+pub struct Figures<'a>(&'a Identification);
+
+impl Identification {
+    /// The table of the noise scales and the checks of the chosen one.
+    pub fn figures(&self) -> Figures<'_> {
+        Figures(self)
+    }
+}
+
+impl fmt::Display for Figures<'_> {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let outputs: Vec<String> = self.outputs.iter().map(with_unit).collect();
+        let found = self.0;
+        let outputs: Vec<String> = found.outputs.iter().map(with_unit).collect();
         writeln!(
             formatter,
             "Bounds from {} training runs, noise scale of {}; floor = smallest constant fault detectable for \
              certain within {} samples.",
-            self.training.len(),
+            found.training.len(),
             outputs.join(", "),
-            self.options.window
+            found.options.window
         )?;
-        let steps = self
+        let steps = found
             .steps
             .iter()
             .enumerate()
-            .map(|(index, step)| self.row(index, step));
+            .map(|(index, step)| found.row(index, step));
         write_table(
             formatter,
-            &[self.heading()].into_iter().chain(steps).collect::<Vec<_>>(),
+            &[found.heading()].into_iter().chain(steps).collect::<Vec<_>>(),
         )?;
-        let NoiseBounds {
-            disturbance,
-            measurement,
-        } = &self.best.bounds;
-        writeln!(
-            formatter,
-            "\ndisturbance_bound = {}",
-            list(disturbance.iter().copied())
-        )?;
-        writeln!(
-            formatter,
-            "measurement_noise_bound = {}",
-            list(measurement.iter().copied())
-        )?;
-        for (j, run) in self.best.deciding_runs.iter().enumerate() {
-            match run.and_then(|run| self.training.get(run)) {
+        for (j, run) in found.best.deciding_runs.iter().enumerate() {
+            match run.and_then(|run| found.training.get(run)) {
                 Some(run) => writeln!(
                     formatter,
                     "Disturbance {j}: run {run} needs the most; the bound has {} % margin.",
-                    self.options.margin * 100.0
+                    found.options.margin * 100.0
                 )?,
                 None => writeln!(
                     formatter,
@@ -193,7 +190,7 @@ impl fmt::Display for Identification {
                 )?,
             }
         }
-        for (run, factor) in self.validation.iter().zip(&self.best.validation_factors) {
+        for (run, factor) in found.validation.iter().zip(&found.best.validation_factors) {
             if exceeds_one(*factor) {
                 writeln!(
                     formatter,
@@ -201,12 +198,28 @@ impl fmt::Display for Identification {
                 )?;
             }
         }
-        if self.uncertain {
+        if found.uncertain {
             writeln!(
                 formatter,
                 "A_uncertainty counted as zero: the disturbances already account for it."
             )?;
         }
         Ok(())
+    }
+}
+
+impl fmt::Display for Identification {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let NoiseBounds {
+            disturbance,
+            measurement,
+        } = &self.best.bounds;
+        write!(
+            formatter,
+            "{}\ndisturbance_bound = {}\nmeasurement_noise_bound = {}\n",
+            self.figures(),
+            list(disturbance.iter().copied()),
+            list(measurement.iter().copied())
+        )
     }
 }

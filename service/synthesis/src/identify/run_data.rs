@@ -2,7 +2,6 @@
 
 use super::IdentifyError;
 use nalgebra::DMatrix;
-use residual_diagnosis::model::LinearModel;
 
 /// One recording without interruption, aligned at the model's sampling instants 0, 1, ..., K.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -34,15 +33,22 @@ impl Piece {
     }
 }
 
+/// How many commands and measurements an instant has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Widths {
+    pub commands: usize,
+    pub measurements: usize,
+}
+
 /// Checks the runs and cuts each into its pieces, one list a run.
-pub(super) fn cut(model: &LinearModel, runs: &[RunData]) -> Result<Vec<Vec<Piece>>, IdentifyError> {
+pub(super) fn cut(widths: Widths, runs: &[RunData]) -> Result<Vec<Vec<Piece>>, IdentifyError> {
     runs.iter()
         .enumerate()
-        .map(|(index, run)| cut_run(model, index, run))
+        .map(|(index, run)| cut_run(widths, index, run))
         .collect()
 }
 
-fn cut_run(model: &LinearModel, index: usize, run: &RunData) -> Result<Vec<Piece>, IdentifyError> {
+fn cut_run(widths: Widths, index: usize, run: &RunData) -> Result<Vec<Piece>, IdentifyError> {
     let (commands, measurements) = (run.commands.len(), run.measurements.len());
     if commands != measurements {
         return Err(IdentifyError::LengthMismatch {
@@ -51,8 +57,8 @@ fn cut_run(model: &LinearModel, index: usize, run: &RunData) -> Result<Vec<Piece
             measurements,
         });
     }
-    check_rows(run, "commands", &run.commands, model.actuator_count())?;
-    check_rows(run, "measurements", &run.measurements, model.output_count())?;
+    check_rows(run, "commands", &run.commands, widths.commands)?;
+    check_rows(run, "measurements", &run.measurements, widths.measurements)?;
     let mut pieces = Vec::new();
     let mut start = 0;
     for instant in 0..measurements {
