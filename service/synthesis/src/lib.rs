@@ -2,8 +2,7 @@
 //!
 //! Nothing here runs in real time. [`identify`] finds the bounds of a model from fault-free recordings; [`floors`]
 //! finds the smallest fault that any method can guarantee to detect under given bounds, and [`certificates`] the
-//! tests that detect it. They are [linear programs](linear_program). Gains under matrix inequalities
-//! ([`hinf_filter::lmi`]) are
+//! tests that detect it: [linear programs](linear_program). [`hinf_filter`] finds gains under matrix inequalities:
 //! [semidefinite programs](semidefinite). All are solved by one [interior-point method](conic); no result is taken
 //! from the solver unchecked.
 
