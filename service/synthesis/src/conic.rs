@@ -1,6 +1,6 @@
 //! Conic programs, minimise cost'x subject to A x + s = b with s in a product of cones, solved by Clarabel.
 //!
-//! The solver's status is only a hint. A [`ConicSolution`] is the last point it reached; whoever uses it checks it
+//! The solver's status is only a hint. A solution is the last point that it reached; whoever uses it checks it
 //! against the problem it stands for.
 
 use crate::lapack;

@@ -30,6 +30,8 @@ const EXPONENTS: [i32; 13] = [-6, -5, -4, -3, -2, -1, 0, 1, 2, 3, 4, 5, 6];
 const SETTLED: f64 = 1e-3;
 /// How far the recomputed ‖V T_rf‖₋ may lie below β.
 const INDEX: f64 = 1e-5;
+/// X is at least this multiple of the identity, in the units of the search.
+const DEFINITE: f64 = 1e-6;
 /// 2 - golden ratio.
 const GOLDEN: f64 = 0.381_966_011_250_105_1;
 
@@ -146,7 +148,7 @@ impl Search<'_> {
         let (x, w, square) = (problem.symmetric(n), problem.full(n, q), problem.symmetric(q));
         let index = problem.scalar();
         problem.maximise(index);
-        problem.require("X", move |at| at.matrix(x));
+        problem.require("X", move |at| at.matrix(x) - DMatrix::identity(n, n) * DEFINITE);
         problem.require("Q", move |at| at.matrix(square));
         problem.require("disturbance", move |at| {
             let (x, w, square) = (at.matrix(x), at.matrix(w), at.matrix(square));

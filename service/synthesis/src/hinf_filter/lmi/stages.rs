@@ -9,7 +9,7 @@ use crate::{
     semidefinite::{MatrixVariable, SemidefiniteError, SemidefiniteProgram},
 };
 use nalgebra::DMatrix;
-use residual_diagnosis::gains::SolverRun;
+use residual_diagnosis::{decomposition::SymmetricDecomposition, gains::SolverRun};
 
 /// Largest difference of the primal and the dual objective, relative, for which γ₁ counts as found.
 const OPEN_GAP: f64 = 1e-3;
@@ -145,7 +145,7 @@ pub(super) fn require_region<'a>(
 pub(super) fn recovered(x: &DMatrix<f64>, w: &DMatrix<f64>) -> Result<DMatrix<f64>, LmiError> {
     let singular = || LmiError::Recovery {
         condition: "X ≻ 0".to_owned(),
-        margin: 0.0,
+        margin: -SymmetricDecomposition::new(x).smallest(),
     };
     let gain = x.clone().cholesky().ok_or_else(singular)?.solve(w);
     match gain.iter().all(|entry| entry.is_finite()) {
