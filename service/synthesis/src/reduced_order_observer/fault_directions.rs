@@ -11,6 +11,7 @@ use crate::linear_program::LinearProgram;
 use nalgebra::{DMatrix, DVector};
 use residual_diagnosis::{
     decomposition::SingularDecomposition,
+    gains::SolverRun,
     matrix::Matrix,
     reduced_order_observer::{floors::step_response, observer::Observer, plant::Plant, reach::Reach},
     zonotope::{Reducer, Reduction},
@@ -28,8 +29,8 @@ const RANK: f64 = 1e-9;
 pub struct FaultDirections {
     /// Unit vectors of length p.
     pub directions: Vec<DVector<f64>>,
-    /// Linear programs that were solved.
-    pub solved: usize,
+    /// What the solver said of each linear program that gave a direction.
+    pub runs: Vec<SolverRun>,
     /// Linear programs without a usable solution.
     pub failed: usize,
 }
@@ -54,8 +55,8 @@ pub fn fault_directions(plant: &Plant, observer: &Observer, reach: &Reach) -> Fa
                 continue;
             }
             match best_direction(&h, &g) {
-                Some(direction) => {
-                    found.solved += 1;
+                Some((direction, run)) => {
+                    found.runs.push(run);
                     found.directions.push(direction);
                 }
                 None => found.failed += 1,
@@ -81,7 +82,7 @@ fn steady_generators(plant: &Plant, reach: &Reach) -> DMatrix<f64> {
 }
 
 /// The unit vector along the w of the linear program for one g; `None` if the solver has none.
-fn best_direction(h: &DMatrix<f64>, g: &DVector<f64>) -> Option<DVector<f64>> {
+fn best_direction(h: &DMatrix<f64>, g: &DVector<f64>) -> Option<(DVector<f64>, SolverRun)> {
     let p = g.len();
     let mut program = LinearProgram::default();
     let w = program.add_variables(p);
@@ -99,5 +100,5 @@ fn best_direction(h: &DMatrix<f64>, g: &DVector<f64>) -> Option<DVector<f64>> {
     let solution = program.solve().ok()?;
     let direction = DVector::from_column_slice(solution.values.get(w..w + p)?);
     let length = direction.norm();
-    (length.is_finite() && length > 0.0 && direction.dot(g) > 0.0).then(|| direction / length)
+    (length.is_finite() && length > 0.0 && direction.dot(g) > 0.0).then(|| (direction / length, solution.run))
 }

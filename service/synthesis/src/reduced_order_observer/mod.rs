@@ -17,7 +17,7 @@ use self::{
 };
 use nalgebra::{DMatrix, DVector};
 use residual_diagnosis::{
-    gains::FoundGains,
+    gains::{FoundGains, SolverRun},
     method::Refusal,
     reduced_order_observer::{
         gains::ReducedOrderObserverGains,
@@ -89,6 +89,7 @@ pub fn find_gains(
             .map(|(_, run)| run),
     );
     warnings.extend(rows.warning());
+    runs.extend(rows.summary());
     let mut found = synthesis.complete(chosen);
     found.warnings.splice(0..0, warnings);
     found.solver = runs;
@@ -119,7 +120,7 @@ fn judged(
 struct DirectionSearch {
     plant: Plant,
     needed: bool,
-    solved: usize,
+    runs: Vec<SolverRun>,
     failed: usize,
 }
 
@@ -128,7 +129,7 @@ impl DirectionSearch {
         Self {
             plant: synthesis.plant.clone(),
             needed: synthesis.lacks_facets(),
-            solved: 0,
+            runs: Vec::new(),
             failed: 0,
         }
     }
@@ -138,9 +139,24 @@ impl DirectionSearch {
             return Vec::new();
         }
         let found = fault_directions(&self.plant, observer, reach);
-        self.solved += found.solved;
+        self.runs.extend(found.runs);
         self.failed += found.failed;
         found.directions
+    }
+
+    /// All linear programs as one: the one that the solver found hardest.
+    fn summary(&self) -> Option<SolverRun> {
+        let hardest = self
+            .runs
+            .iter()
+            .max_by_key(|run| (run.status != "Solved", run.iterations))?;
+        Some(SolverRun {
+            problem: format!(
+                "{} linear programs for test directions, the hardest of them",
+                self.runs.len()
+            ),
+            ..hardest.clone()
+        })
     }
 
     fn warning(&self) -> Option<String> {
@@ -148,7 +164,7 @@ impl DirectionSearch {
             format!(
                 "{} of {} linear programs for test directions have no solution; their directions are left out",
                 self.failed,
-                self.failed + self.solved
+                self.failed + self.runs.len()
             )
         })
     }

@@ -62,7 +62,7 @@ pub fn gauge(design: &Design, g: &DVector<f64>) -> f64 {
         program.at_most([(xi + j, 1.0), (t, -1.0)], 0.0);
         program.at_most([(xi + j, -1.0), (t, -1.0)], 0.0);
     }
-    program.solve().unwrap().objective
+    program.solve().unwrap().run.objective
 }
 
 /// The floor that the rows guarantee k samples after the onset.

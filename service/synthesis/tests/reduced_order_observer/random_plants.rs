@@ -6,10 +6,11 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use residual_diagnosis::{
     diagnoser::{StepInput, StepRecord, flags},
-    gains::file::Entry,
+    gains::file::{Entry, hash_of_inputs},
     method::MethodOptions,
     reduced_order_observer::{
         design::Design,
+        gains::ReducedOrderObserverGains,
         options::{Gains, ModelOptions, NamedM, ObserverM, ReducedOrderObserverOptions},
     },
 };
@@ -84,9 +85,18 @@ fn holds(model: ModelOptions, gains: Gains, seed: u64) -> bool {
         }
     };
     let designed = options.with_gains(0.1, &found.gains).unwrap();
-    let entry = Entry::new("observer", &options, 0.1, &found, designed.achieved).unwrap();
+    let entry = Entry {
+        name: "observer".to_owned(),
+        method: ReducedOrderObserverOptions::METHOD.to_owned(),
+        sample_time_s: 0.1,
+        inputs: hash_of_inputs(&options, 0.1).unwrap(),
+        warnings: found.warnings.clone(),
+        solver: found.solver.clone(),
+        gains: toml::Table::try_from(&found.gains).unwrap(),
+        achieved: designed.achieved,
+    };
     let entry: Entry = toml::from_str(&toml::to_string(&entry).unwrap()).unwrap();
-    let read = entry.gains(&options, 0.1).unwrap();
+    let read: ReducedOrderObserverGains = entry.gains.clone().try_into().unwrap();
     let designed = options.with_gains(0.1, &read).unwrap();
     entry.verify(&designed.achieved, 1e-6).unwrap();
 
@@ -111,13 +121,17 @@ fn holds(model: ModelOptions, gains: Gains, seed: u64) -> bool {
         seen.amax() < 1e-10 * (1.0 + design.main.observer.k.norm()),
         "{seed}"
     );
-    // No alarm at the corners of all boxes.
+    // No alarm at the corners of all boxes, as long as an unstable plant has not run away: gains of some thousands and
+    // outputs of some hundred thousands leave rounding errors above the rounding tolerance.
     let mut plant = Simulation::new(&options.model, seed, Draw::Vertex);
     let mut diagnoser = designed.diagnoser;
     let mut record = StepRecord::new(diagnoser.description().channels.len());
     let u = vec![0.0; design.plant.actuators()];
     for _ in 0..60 {
         let y = plant.measure();
+        if y.iter().any(|y| y.abs() > 1e3) {
+            break;
+        }
         diagnoser.step(&StepInput::new(&y, &u), &mut record);
         assert_eq!(record.flags & flags::ALARM_NOW, 0, "{seed}");
         plant.advance(&u, &u);
