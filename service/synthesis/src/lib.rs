@@ -11,5 +11,6 @@ pub mod conic;
 pub mod identify;
 mod lapack;
 pub mod linear_program;
+pub mod reduced_order_observer;
 pub mod semidefinite;
 pub mod unknown_input_filter;

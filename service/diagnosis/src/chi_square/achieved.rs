@@ -45,18 +45,19 @@ impl ChiSquareDiagnoser {
         let [n, ..] = self.plant.counts();
         let observer = (DMatrix::identity(n, n) - &steady.gain * model.measurement.to_dense())
             * model.transition.to_dense();
-        if let Some(radius) = spectral_radius(&observer) {
-            achieved.inequalities.push(Inequality {
-                name: "spectral radius of (I - KH)Φ below 1".to_owned(),
-                margin: 1.0 - radius,
-            });
-        }
         achieved.poles.extend(Poles::of(
             "errors of the steady Kalman filter".to_owned(),
             TimeDomain::Discrete,
             &observer,
         ));
         achieved.norms = norms(steady);
+        achieved
+            .norms
+            .extend(spectral_radius(&observer).map(|value| Norm {
+                name: "spectral radius of (I - KH)Φ".to_owned(),
+                value,
+                lower_bound: None,
+            }));
         achieved.thresholds = self.settled_thresholds(options, steady);
         let sensitivity = Sensitivity {
             options,
@@ -85,7 +86,7 @@ impl ChiSquareDiagnoser {
                     }
                     false => "R positive definite (smallest eigenvalue, unit diagonal)".to_owned(),
                 },
-                margin: smallest_eigenvalue_of_noise(model) - 1e-12,
+                margin: smallest_eigenvalue_of_noise(model),
             })
             .collect();
         let plain = options.statistics.enabled.contains(&StatisticKind::StatePlain);

@@ -6,11 +6,12 @@ use super::{
     certificate::Certificate,
     error::ConstructionError,
     gains::ReducedOrderObserverGains,
+    isolation_verification::isolation_observers,
     observer_design::ObserverDesign,
     options::{Mode, ReducedOrderObserverOptions},
     plant::Plant,
     synthesis::find_gains,
-    verification::{isolation_observers, main_observer},
+    verification::main_observer,
 };
 
 /// Everything that is fixed before the first sample.
@@ -64,7 +65,8 @@ impl Design {
         let plant = checked_plant(options)?;
         let (main, certificate) = main_observer(&plant, options, &gains.main)?;
         let isolates = options.bounds.mode == Mode::Joint && options.isolation.enabled;
-        if !isolates && !(gains.members.is_empty() && gains.estimators.is_empty()) {
+        let beside = gains.members.len() + gains.estimators.len();
+        if !isolates && beside > 0 {
             return Err(ConstructionError::GainsRefused {
                 key: "gains".to_owned(),
                 reason: "they have members or estimators, but the configuration asks for none".to_owned(),

@@ -1,6 +1,7 @@
 //! Members that do not react to one actuator, and estimators of one fault (method sheet 3.9). M = 0.
 
 use super::{
+    candidates::spread_poles,
     closed_form::closed_form,
     decoupling::Decoupling,
     gains::{EstimatorGains, MemberGains},
@@ -8,7 +9,6 @@ use super::{
     observer_design::{ObserverDesign, blind_rows, convergence_reason, reach},
     options::ReducedOrderObserverOptions,
     plant::{Plant, beside},
-    synthesis::spread_poles,
 };
 use nalgebra::DMatrix;
 

@@ -8,12 +8,14 @@ use super::{
     joint::ReducedOrderObserver,
     observer_design::ObserverDesign,
     options::{Gains, Mode, NamedM, ObserverM, ReducedOrderObserverOptions},
+    responses::responses,
     synthesis::find_gains,
 };
 use crate::{
     diagnoser::Diagnoser,
     gains::FoundGains,
     method::{Designed, MethodOptions, Refusal},
+    response::Response,
 };
 use nalgebra::{DMatrix, DVector};
 
@@ -67,6 +69,10 @@ impl MethodOptions for ReducedOrderObserverOptions {
 
     fn find_gains(&self, _sample_time_s: f64) -> Result<FoundGains<Self::Gains>, Refusal> {
         Ok(find_gains(self)?)
+    }
+
+    fn responses(&self, sample_time_s: f64, gains: &Self::Gains) -> Result<Vec<Response>, Refusal> {
+        Ok(responses(&Design::with_gains(self, gains)?, sample_time_s))
     }
 
     fn with_gains(&self, sample_time_s: f64, gains: &Self::Gains) -> Result<Designed, Refusal> {

@@ -81,7 +81,7 @@ pub struct DesignOptions {
     /// Eigenvalues of F for `"closed_form"`, length n - p, each in (-1, 1).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub poles: Option<Vec<f64>>,
-    /// Decay rate a of the paper's linear matrix inequality for `"lmi"`, in (0, 1].
+    /// Decay rate a of the paper's linear matrix inequality for `"lmi"`, in (0, 1]; default `spectral_radius_max`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lmi_decay_rate: Option<f64>,
     /// K, (n - p) x p, for `"given"` and as one more candidate of `"auto"`; projected on K D1 + D2 = 0. In the
@@ -224,7 +224,7 @@ choice! {
     /// Where K comes from.
     #[derive(Default)]
     Gains {
-        /// The best of several closed-form gains.
+        /// The best of several closed-form gains and, with a solver, of those of both inequalities.
         #[default] Auto = "auto",
         /// The noise-aware H2 inequality, method sheet 3.4.
         H2 = "h2",
@@ -278,7 +278,7 @@ choice! {
     Test {
         /// Every output by itself.
         #[default] Hull = "hull",
-        /// The facets of the set of all outputs.
+        /// Combinations of outputs: the facets of the set of all outputs, or the directions that tell faults best.
         Set = "set",
     }
 }

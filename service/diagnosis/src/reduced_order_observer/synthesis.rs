@@ -3,8 +3,8 @@
 //! Candidates come from closed forms here; whoever has a solver adds its own and further test rows.
 
 use super::{
+    candidates::{Candidate, closed_forms},
     certificate::Certificate,
-    closed_form::{closed_form, is_free},
     decoupling::Decoupling,
     design::checked_plant,
     directions::{MAX_FACET_OUTPUTS, test_directions},
@@ -21,22 +21,11 @@ use super::{
 use crate::{gains::FoundGains, tables::shaped_matrix};
 use nalgebra::{DMatrix, DVector};
 
-/// Eigenvalues of F that `gains = "auto"` tries.
-const TRIED_POLES: [f64; 6] = [0.0, 0.2, 0.4, 0.6, 0.8, 0.9];
 /// A later candidate must be better by this share: rounding does not choose.
 const BETTER: f64 = 1.0 - 1e-9;
 
 /// Further test rows for an observer, unit vectors of length p: method sheet 3.8, rule 4.
 pub type Directions<'a> = dyn FnMut(&Observer, &Reach) -> Vec<DVector<f64>> + 'a;
-
-/// A gain before its acceptance.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Candidate {
-    /// Where it comes from.
-    pub source: String,
-    /// K, nz x p, or why there is none.
-    pub k: Result<DMatrix<f64>, String>,
-}
 
 /// A gain after its acceptance.
 #[derive(Clone, Debug, PartialEq)]
@@ -112,6 +101,11 @@ impl<'a> Synthesis<'a> {
         }
     }
 
+    /// The gains that need no solver, in the order in which equal ones are preferred.
+    pub fn closed_forms(&self) -> Vec<Candidate> {
+        closed_forms(&self.plant, &self.decoupling, &self.options.design)
+    }
+
     /// Whether there is more than one decoupling gain; else it is K0.
     pub fn has_choice(&self) -> bool {
         self.plant.hidden() > 0 && self.decoupling.free.ncols() > 0
@@ -148,43 +142,6 @@ impl<'a> Synthesis<'a> {
             ));
         }
         warnings
-    }
-
-    /// The gains that need no solver, in the order in which equal ones are preferred.
-    pub fn closed_forms(&self) -> Vec<Candidate> {
-        let design = &self.options.design;
-        let given = || Candidate {
-            source: "given K".to_owned(),
-            k: shaped_matrix(
-                "design.K",
-                design.k.as_deref().unwrap_or_default(),
-                (self.plant.hidden(), self.plant.outputs()),
-                "unmeasured states x outputs",
-            )
-            .map_err(|error| error.to_string()),
-        };
-        let placed = |poles: &[f64]| Candidate {
-            source: format!("closed form with poles {poles:?}"),
-            k: closed_form(&self.decoupling, poles).map_err(|error| error.to_string()),
-        };
-        match design.gains {
-            Gains::Given => vec![given()],
-            Gains::ClosedForm => vec![placed(design.poles.as_deref().unwrap_or_default())],
-            Gains::Auto | Gains::H2 | Gains::Lmi => {
-                let mut all = vec![Candidate {
-                    source: "K0".to_owned(),
-                    k: Ok(self.decoupling.k0.clone()),
-                }];
-                if is_free(&self.decoupling) {
-                    let poles = |pole| spread_poles(pole, self.plant.hidden());
-                    all.extend(TRIED_POLES.iter().map(|pole| placed(&poles(*pole))));
-                }
-                if design.gains == Gains::Auto && design.k.is_some() {
-                    all.push(given());
-                }
-                all
-            }
-        }
     }
 
     /// Projection, convergence and tables of one candidate (method sheet 3.6); the reason of a refusal.
@@ -302,9 +259,4 @@ impl<'a> Synthesis<'a> {
             })
         }
     }
-}
-
-/// ρ (1 - 0.1 l) for l = 0, 1, ...: distinct eigenvalues up to ρ.
-pub(super) fn spread_poles(largest: f64, count: usize) -> Vec<f64> {
-    (0..count).map(|l| largest * (1.0 - 0.1 * l as f64)).collect()
 }

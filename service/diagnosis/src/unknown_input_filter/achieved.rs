@@ -189,6 +189,18 @@ impl<'a> Inspection<'a> {
             if let Some(radius) = &mode.fixed_radius {
                 add("settled radius of the set with L_fix alone", radius);
             }
+            let entry = self
+                .gains
+                .of(mode.mode)
+                .and_then(|(_, entry)| entry.fixed.as_ref());
+            norms.extend(entry.map(|gain| Norm {
+                name: format!(
+                    "sum of the magnitudes of L_fix, mode {}",
+                    self.describe(mode.mode)
+                ),
+                value: gain.iter().flatten().map(|value| value.abs()).sum(),
+                lower_bound: None,
+            }));
         }
         norms
     }
@@ -283,15 +295,14 @@ impl<'a> Inspection<'a> {
                 "blind: the faults of the mode reach this output alone, so that nothing is left to test"
                     .to_owned(),
             ),
-            Some(_) if settled.grows => Some("the set of the filter grows without end".to_owned()),
+            Some(_) if settled.grows => {
+                Some("the set of the filter grows without end, and this bound with it".to_owned())
+            }
             Some(half_width) => responses.and_then(|responses| self.inert_row(mode, half_width, &responses)),
         };
         Threshold {
             channel,
-            settled: match half_width {
-                Some(_) if settled.grows => f64::INFINITY,
-                other => other.unwrap_or(0.0),
-            },
+            settled: half_width.unwrap_or(0.0),
             never_fires,
         }
     }

@@ -3,6 +3,7 @@
 use super::{
     UnknownInputFilterBank,
     bank::{BankRules, BankState, Mode, Prior},
+    certificate::ParityCertificate,
     channels::ChannelLayout,
     checks::check_modes,
     error::ConstructionError,
@@ -69,26 +70,25 @@ impl UnknownInputFilterBank {
             .map(|(mode, _)| *mode)
             .collect();
         check_places(gains, &tested, filter.form)?;
+        let parity_test = |(index, certificate): (usize, &ParityCertificate)| {
+            ParityTest::new(certificate, &model, filter.outward_rounding)
+                .map_err(|source| GainsError::Certificate { index, source })
+        };
+        let tests = gains.certificates.iter().enumerate().map(parity_test);
+        let tests: Vec<ParityTest> = tests.collect::<Result<_, _>>()?;
         let mut modes = Vec::new();
         for (&mode, &testable) in mode_sets.iter().zip(&report.testable) {
             let mut built = Mode {
                 mode,
                 filter: None,
                 fixed_radius: None,
-                parity: Vec::new(),
+                parity: tests.iter().filter(|test| test.mode() == mode).cloned().collect(),
             };
             if testable {
                 let (filter, fixed_radius) = build_filter(&model, &plant, mode, options, gains, &nominal)?;
                 (built.filter, built.fixed_radius) = (Some(filter), fixed_radius);
             }
             modes.push(built);
-        }
-        for (index, certificate) in gains.certificates.iter().enumerate() {
-            let test = ParityTest::new(certificate, &model, filter.outward_rounding)
-                .map_err(|source| GainsError::Certificate { index, source })?;
-            if let Some(target) = modes.iter_mut().find(|target| target.mode == certificate.mode) {
-                target.parity.push(test);
-            }
         }
         let own = mode_sets.iter().map(|mode| mode.len()).max().unwrap_or(0);
         let columns = plant.column_capacity(order, own);

@@ -12,6 +12,8 @@ use crate::rounding::round_up;
 
 /// Significant digits of a fault size.
 const DIGITS: usize = 3;
+/// Rounding errors of a size that do not deserve another digit.
+const NOISE: f64 = 1e-9;
 /// How far S may raise a one-step floor without a warning (method sheet 3.1.6).
 const WORTH_A_WARNING: f64 = 1.2;
 
@@ -60,7 +62,7 @@ impl Inspection<'_> {
                     let space = if actuator.unit.is_empty() { "" } else { " " };
                     let certain = size.is_finite() && size > 0.0;
                     certain.then(|| {
-                        let size = round_up(size, DIGITS);
+                        let size = in_words(size);
                         format!("{} from {size}{space}{}", actuator.name, actuator.unit)
                     })
                 })
@@ -109,7 +111,7 @@ impl Inspection<'_> {
         let warning = |((actuator, sizes), &interest): ((&crate::model::Label, &Vec<Sizes>), &f64)| {
             let smallest = sizes.last()?.detectable;
             let seen = match smallest.is_finite() {
-                true => format!("only from {} on", round_up(smallest, DIGITS)),
+                true => format!("only from {} on", in_words(smallest)),
                 false => "at no size".to_owned(),
             };
             (smallest > interest).then(|| {
@@ -147,10 +149,15 @@ impl Inspection<'_> {
                     "`filter.S` makes the tests of the mode {mode} ({}) see faults only from {} times the size on that \
                      they see with S = 0; leave `filter.S` out",
                     self.describe(mode),
-                    round_up(ratio, DIGITS)
+                    in_words(ratio)
                 )
             })
         };
         modes.filter_map(warning).collect()
     }
+}
+
+/// Upwards to few digits, but not because of a rounding error.
+fn in_words(size: f64) -> f64 {
+    round_up(size * (1.0 - NOISE), DIGITS)
 }

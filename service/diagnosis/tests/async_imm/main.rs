@@ -7,13 +7,14 @@
 //! | `stacked` | Theorem 1 against the covariance of all samples |
 //! | `paper`, `long_run`, `options` | what the paper and the method sheet claim |
 //! | `properties`, `rollback`, `packets`, `recovery` | what must hold for any plant and any packets |
-//! | `configuration`, `mistakes` | tables, and what is refused in them |
+//! | `configuration`, `mistakes`, `achieved` | tables, what is refused in them, and what a design states |
 //! | `allocation` | no allocation after construction |
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, unsafe_code)]
 
 #[path = "../support/mod.rs"]
 mod support;
 
+mod achieved;
 mod allocation;
 mod configuration;
 mod discretisation;

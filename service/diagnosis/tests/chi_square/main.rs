@@ -4,6 +4,7 @@
 #[path = "../support/mod.rs"]
 mod support;
 
+mod achieved;
 mod behaviour;
 mod common;
 mod examples;

@@ -15,6 +15,7 @@ use residual_diagnosis::{
     reduced_order_observer::{
         ReducedOrderObserver,
         design::Design,
+        floors::step_response,
         gains::ReducedOrderObserverGains,
         options::{Mode, ObserverM, ReducedOrderObserverOptions},
     },
@@ -135,7 +136,7 @@ fn refusal(
 ) -> Refusal {
     let mut gains = found(options);
     change(&mut gains);
-    options.with_gains(0.1, &gains).err().expect("accepted")
+    options.with_gains(0.1, &gains).expect_err("accepted")
 }
 
 type Change = fn(&mut ReducedOrderObserverGains);
@@ -444,4 +445,18 @@ fn only_options_that_insist_on_a_solver_need_one() {
     options.design.gains = Gains::ClosedForm;
     options.design.observer_m = ObserverM::Named(NamedM::Lmi);
     assert_eq!(options.needs_solver().unwrap().key, "design.observer_M");
+}
+
+#[test]
+fn the_response_to_a_slow_fault_is_the_steady_step_response() {
+    let options = servo(0.01);
+    let gains = found(&options);
+    let responses = options.responses(0.1, &gains).unwrap();
+    let names: Vec<_> = responses.iter().map(|response| response.name.as_str()).collect();
+    assert_eq!(names[..2], ["disturbance", "measurement noise"]);
+    assert!(names[2].starts_with("fault of "), "{names:?}");
+    let design = Design::with_gains(&options, &gains).unwrap();
+    let settled = step_response(&design.main.observer, 0).pop().unwrap();
+    let (_, gain) = responses[2].singular_values(0.0).unwrap();
+    assert!((gain / settled.norm() - 1.0).abs() < 1e-6, "{gain} {settled}");
 }

@@ -1,6 +1,6 @@
 //! `zonotope.json`: order reduction, the paper's recursion, membership.
 
-use crate::fixtures::{dense, file, list};
+use crate::fixtures::{dense, file, observer};
 use crate::support::{assert_close, numbers, rows};
 use nalgebra::{DMatrix, DVector};
 use residual_diagnosis::{
@@ -9,7 +9,9 @@ use residual_diagnosis::{
     reduced_order_observer::{
         BaselineObserver,
         design::Design,
+        directions::test_directions,
         options::{Gains, Mode, ModelOptions, ObserverM, ReducedOrderObserverOptions},
+        plant::Plant,
     },
     zonotope::{Reducer, Reduction},
 };
@@ -116,17 +118,47 @@ fn with_order_p_the_zonotope_diverges_although_m_is_schur_and_larger_orders_stay
     }
 }
 
+/// A plant without hidden states whose residual reaches the zonotope of H after one sample and no other.
+fn plant_of(h: &DMatrix<f64>) -> Plant {
+    let (p, count) = h.shape();
+    let zero = vec![vec![0.0; p]; p];
+    let unit = (0..p).map(|i| (0..p).map(|j| f64::from(u8::from(i == j))).collect());
+    Plant::new(&ModelOptions {
+        a: zero,
+        b: vec![vec![1.0]; p],
+        c: unit.collect(),
+        d: h.row_iter().map(|row| row.iter().copied().collect()).collect(),
+        initial_state_lower: vec![0.0; p],
+        initial_state_upper: vec![0.0; p],
+        disturbance_lower: vec![-1.0; count],
+        disturbance_upper: vec![1.0; count],
+        ..ModelOptions::default()
+    })
+    .unwrap()
+}
+
 #[test]
-fn facet_normals_decide_membership_as_the_linear_program_does() {
+fn the_test_rows_decide_membership_as_the_linear_program_does() {
     for name in ["membership_2d", "membership_3d"] {
         let case = &file("zonotope.json")[name];
-        let (h, normals) = (dense(&case["H"]), dense(&case["facet_normals"]));
-        let support: DVector<f64> = (&normals * &h).abs().column_sum();
-        assert_close("support", &list(&support), &numbers(&case["support"]), 1e-12);
+        let h = dense(&case["H"]);
+        let (plant, p) = (plant_of(&h), h.nrows());
+        let (_, reach) = observer(&plant, DMatrix::zeros(0, p), DMatrix::zeros(p, p));
+        let tests = test_directions(&plant, &reach, true, &[], 1000);
+        // Every facet of the reference is tested, with its support as threshold.
+        let thresholds = reach.test_half_widths(&tests);
+        let thresholds = thresholds.row(thresholds.nrows() - 1).transpose();
+        let normals = dense(&case["facet_normals"]);
+        for (normal, support) in normals.row_iter().zip(numbers(&case["support"])) {
+            let row = tests
+                .row_iter()
+                .position(|row| row.dot(&normal).abs() > 1.0 - 1e-12);
+            assert!((thresholds[row.unwrap()] - support).abs() < 1e-12 * support.max(1.0));
+        }
         let gauges = numbers(&case["gauge"]);
         for (point, gauge) in rows(&case["points"]).into_iter().zip(gauges) {
-            let image = &normals * DVector::from_vec(point);
-            let found = image.component_div(&support).amax();
+            let image = &tests * DVector::from_vec(point);
+            let found = image.component_div(&thresholds).amax();
             assert!((found - gauge).abs() < 1e-9, "{found} instead of {gauge}");
         }
     }

@@ -1,11 +1,7 @@
 //! Floors against the reference values and against their own definition.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-#[path = "common/reference.rs"]
-mod reference_files;
-
+use crate::reference_files::{aircraft, mode, plant, reference};
 use nalgebra::DVector;
-use reference_files::{aircraft, mode, plant, reference};
 use residual_diagnosis::model::LinearModel;
 use residual_diagnosis::unknown_input_filter::modes::FaultMode;
 use residual_synthesis::bounds::NoiseBounds;

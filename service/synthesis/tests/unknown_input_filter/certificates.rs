@@ -1,11 +1,7 @@
 //! Designed certificates against the reference values and against what a test of the diagnosis makes of them.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-#[path = "common/reference.rs"]
-mod reference_files;
-
+use crate::reference_files::{aircraft, mode, plant, reference};
 use nalgebra::{DMatrix, DVector};
-use reference_files::{aircraft, mode, plant, reference};
 use residual_diagnosis::model::LinearModel;
 use residual_diagnosis::unknown_input_filter::certificate::ParityCertificate;
 use residual_diagnosis::unknown_input_filter::modes::{FaultMode, enumerate_modes};
