@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{VTOL, line_of, mistakes_of, repository, vtol_with};
+use common::{VTOL, line_of, mistakes_of, vtol_with};
 use residual_diagnosis::unknown_input_filter::tables::UnknownInputFilterTables;
 use residuald::configuration::{Configuration, ConfigurationError, MethodConfiguration, SignalReference};
 use std::path::Path;

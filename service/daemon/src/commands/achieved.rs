@@ -2,10 +2,15 @@
 
 use comfy_table::Table;
 use comfy_table::presets::ASCII_MARKDOWN;
-use residual_diagnosis::achieved::{Achieved, FalseAlarms, FaultSensitivity, Norm, Poles, TimeDomain};
+use residual_diagnosis::achieved::{
+    Achieved, FalseAlarms, FaultSensitivity, Norm, Poles, Threshold, TimeDomain,
+};
 
 /// Significant digits of a number that only informs.
 const DIGITS: usize = 4;
+
+/// A discrete-time pole below this modulus is zero but for rounding.
+const DEAD_BEAT: f64 = 1e-9;
 
 /// A number with few digits.
 pub(super) fn number(value: f64) -> String {
@@ -98,9 +103,28 @@ pub(super) fn smallest_margin(achieved: &Achieved) -> Option<String> {
     ))
 }
 
+/// The channels that can never alarm, one text for each reason.
+pub(super) fn never_firing(thresholds: &[Threshold]) -> Vec<String> {
+    let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
+    for threshold in thresholds {
+        let Some(reason) = threshold.never_fires.as_deref() else {
+            continue;
+        };
+        match reasons.iter_mut().find(|(known, _)| *known == reason) {
+            Some((_, channels)) => channels.push(&threshold.channel),
+            None => reasons.push((reason, vec![&threshold.channel])),
+        }
+    }
+    let describe = |(reason, channels): (&str, Vec<&str>)| format!("{}: {reason}", channels.join(", "));
+    reasons.into_iter().map(describe).collect()
+}
+
 /// Eigenvalues, in discrete time with the time constant or the duration of an oscillation's decay.
 pub(super) fn poles(poles: &Poles, sample_time_s: f64) -> String {
     let describe = |&[real, imaginary]: &[f64; 2]| {
+        if poles.time == TimeDomain::Discrete && real.hypot(imaginary) < DEAD_BEAT {
+            return "0".to_owned();
+        }
         let place = if imaginary == 0.0 {
             number(real)
         } else {

@@ -1,6 +1,6 @@
 //! `residuald check`: what a configuration means, or what is wrong with it.
 
-use super::achieved::{false_alarms, norm, smallest_faults, smallest_margin};
+use super::achieved::{false_alarms, never_firing, norm, smallest_faults, smallest_margin};
 use super::lines::Lines;
 use crate::configuration::{
     Configuration, DaemonSection, DiagnoserConfiguration, InputConfiguration, RealtimeSection,
@@ -173,13 +173,8 @@ fn achieved(lines: &mut Lines, achieved: &Achieved) {
     if let Some(alarms) = &achieved.false_alarms {
         lines.entry("false alarms", false_alarms(alarms));
     }
-    for threshold in &achieved.thresholds {
-        if let Some(reason) = &threshold.never_fires {
-            lines.warning(&format!(
-                "the channel `{}` never fires: {reason}",
-                threshold.channel
-            ));
-        }
+    for channels in never_firing(&achieved.thresholds) {
+        lines.entry("never fire", channels);
     }
 }
 

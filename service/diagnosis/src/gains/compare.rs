@@ -15,8 +15,13 @@ pub(super) struct Difference {
     pub recomputed: String,
 }
 
-/// Numbers below this are as good as zero: rounding noise differs between machines.
-pub(super) const NEGLIGIBLE: f64 = 1e-9;
+/// Differences below this are rounding noise, which differs between processors.
+const NOISE: f64 = 1e-12;
+
+/// How far two numbers may lie apart.
+pub(super) fn allowed(a: f64, b: f64, tolerance: f64) -> f64 {
+    tolerance * a.abs().max(b.abs()) + NOISE
+}
 
 /// Compares two values part by part; `tolerance` is relative to the larger number.
 pub(super) fn first_difference(stated: &Value, recomputed: &Value, tolerance: f64) -> Option<Difference> {
@@ -55,13 +60,19 @@ impl Place {
 fn at(place: &Place, stated: &Value, recomputed: &Value, tolerance: f64) -> Option<Difference> {
     match (stated, recomputed) {
         (Value::Float(a), Value::Float(b)) => {
-            let allowed = tolerance * (a.abs().max(b.abs()) + NEGLIGIBLE);
+            let allowed = allowed(*a, *b, tolerance);
             let close = a == b || (allowed.is_finite() && (a - b).abs() <= allowed);
             if close { None } else { place.differs(a, b) }
         }
         (Value::Array(a), Value::Array(b)) if a.len() != b.len() => {
             let entries = |list: &[Value]| format!("{} entries", list.len());
             place.differs(&entries(a), &entries(b))
+        }
+        (Value::Array(a), Value::Array(b)) if is_pole_list(place) => {
+            let unmatched = unmatched_pole(&complex(a), &complex(b), tolerance)?;
+            place
+                .below("a pole", &unmatched.to_string())
+                .differs(&stated.to_string(), &recomputed.to_string())
         }
         (Value::Array(a), Value::Array(b)) => {
             let mut pairs = a.iter().zip(b).enumerate();
@@ -86,6 +97,37 @@ fn at(place: &Place, stated: &Value, recomputed: &Value, tolerance: f64) -> Opti
         _ if stated == recomputed => None,
         _ => place.differs(stated, recomputed),
     }
+}
+
+/// `poles.<index>.values`.
+fn is_pole_list(place: &Place) -> bool {
+    place.key.starts_with("poles.") && place.key.ends_with(".values")
+}
+
+/// \[real part, imaginary part\] of each pole; not-a-number for what is none.
+fn complex(list: &[Value]) -> Vec<[f64; 2]> {
+    let part = |pole: &Value, index: usize| pole.get(index).and_then(Value::as_float).unwrap_or(f64::NAN);
+    list.iter().map(|pole| [part(pole, 0), part(pole, 1)]).collect()
+}
+
+/// The first stated pole without a partner among as many recomputed ones. Rounding noise may change the order of
+/// poles of equal modulus, and it moves multiple poles by a root of its own size.
+fn unmatched_pole(stated: &[[f64; 2]], recomputed: &[[f64; 2]], tolerance: f64) -> Option<usize> {
+    let mut left = recomputed.to_vec();
+    stated.iter().position(|pole| {
+        let distance = |other: &[f64; 2]| (pole[0] - other[0]).hypot(pole[1] - other[1]);
+        let nearest = left
+            .iter()
+            .enumerate()
+            .min_by(|a, b| distance(a.1).total_cmp(&distance(b.1)));
+        match nearest.map(|(index, other)| (index, distance(other))) {
+            Some((index, gap)) if gap <= tolerance * pole[0].hypot(pole[1]).max(1.0) => {
+                left.swap_remove(index);
+                false
+            }
+            _ => true,
+        }
+    })
 }
 
 /// Entries of lists are known by name where they have one.
@@ -132,6 +174,18 @@ mod tests {
             assert_eq!(found.is_none(), equal, "{stated} {recomputed}");
         }
         assert!(first_difference(&value("x = inf"), &value("x = 1.0"), 1e-6).is_some());
+    }
+
+    #[test]
+    fn poles_are_compared_in_any_order_and_a_moved_one_is_named() {
+        let stated = value("poles = [{ name = \"F\", values = [[0.5, 0.0], [-0.5, 0.0], [1e-17, 0.0]] }]");
+        let same = value("poles = [{ name = \"F\", values = [[-0.5, 0.0], [0.5, 0.0], [-1e-9, 0.0]] }]");
+        let moved = value("poles = [{ name = \"F\", values = [[-0.5, 0.0], [0.51, 0.0], [0.0, 0.0]] }]");
+        assert_eq!(first_difference(&stated, &same, 1e-6), None);
+        let difference = first_difference(&stated, &moved, 1e-6).unwrap();
+        assert_eq!(difference.key, "poles.0.values.0");
+        let twice = value("poles = [{ name = \"F\", values = [[0.5, 0.0], [0.5, 0.0], [0.0, 0.0]] }]");
+        assert!(first_difference(&stated, &twice, 1e-6).is_some());
     }
 
     #[test]

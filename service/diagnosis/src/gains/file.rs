@@ -1,7 +1,7 @@
 //! The gains file: TOML, every number with all its digits.
 
 use super::SolverRun;
-use super::compare::{NEGLIGIBLE, first_difference};
+use super::compare::{allowed, first_difference};
 use super::error::GainsError;
 use super::layout;
 use crate::achieved::Achieved;
@@ -201,7 +201,7 @@ impl Entry {
         }
         let too_small = achieved.norms.iter().find_map(|norm| {
             let bound = norm.lower_bound?;
-            let allowed = tolerance * (bound.abs() + NEGLIGIBLE);
+            let allowed = allowed(norm.value, bound, tolerance);
             (norm.value < bound - allowed).then_some((norm, bound))
         });
         if let Some((norm, bound)) = too_small {
