@@ -1,11 +1,16 @@
-//! Lyapunov equations by squared Smith iterations: a handful of products, no eigenvalues.
+//! Lyapunov equations by squared Smith iterations: a handful of products, no eigenvalues. No solution is returned whose
+//! residual was not checked.
 
 use nalgebra::DMatrix;
 
 /// Each round squares the power of A that is summed: 2⁶⁰ terms.
 const ROUNDS: usize = 60;
 
-/// X = A X A' + Q, that is Σ_k Aᵏ Q A'ᵏ; `None` unless A is stable (all eigenvalues inside the unit circle).
+/// Largest relative residual of an accepted solution.
+const RESIDUAL: f64 = 1e-8;
+
+/// X = A X A' + Q, that is Σ_k Aᵏ Q A'ᵏ; `None` unless A is stable (all eigenvalues inside the unit circle) and the
+/// relative [residual](discrete_residual) is at most 1e-8.
 pub fn discrete(a: &DMatrix<f64>, q: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let (mut power, mut sum) = (a.clone(), q.clone());
     for _ in 0..ROUNDS {
@@ -16,14 +21,15 @@ pub fn discrete(a: &DMatrix<f64>, q: &DMatrix<f64>) -> Option<DMatrix<f64>> {
             return None;
         }
         if power.amax() < 1e-40 {
-            return Some((&sum + sum.transpose()) / 2.0);
+            let solution = (&sum + sum.transpose()) / 2.0;
+            return (discrete_residual(a, &solution, q) <= RESIDUAL).then_some(solution);
         }
     }
     None
 }
 
 /// A X + X A' + Q = 0, that is ∫ e^{At} Q e^{A't} dt; `None` unless A is stable (all eigenvalues left of the
-/// imaginary axis).
+/// imaginary axis) and the relative [residual](continuous_residual) is at most 1e-8.
 pub fn continuous(a: &DMatrix<f64>, q: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let n = a.nrows();
     let identity = DMatrix::<f64>::identity(n, n);
@@ -31,7 +37,27 @@ pub fn continuous(a: &DMatrix<f64>, q: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let shift = a.norm().max(f64::MIN_POSITIVE.sqrt());
     let inverse = (&identity * shift - a).try_inverse()?;
     let mapped = &inverse * (identity * shift + a);
-    discrete(&mapped, &(&inverse * q * inverse.transpose() * (2.0 * shift)))
+    let solution = discrete(&mapped, &(&inverse * q * inverse.transpose() * (2.0 * shift)))?;
+    (continuous_residual(a, &solution, q) <= RESIDUAL).then_some(solution)
+}
+
+/// Largest entry of A X A' + Q - X relative to that of X.
+pub fn discrete_residual(a: &DMatrix<f64>, x: &DMatrix<f64>, q: &DMatrix<f64>) -> f64 {
+    relative(&(a * x * a.transpose() + q - x), x.amax())
+}
+
+/// Largest entry of A X + X A' + Q relative to the larger of A X and Q.
+pub fn continuous_residual(a: &DMatrix<f64>, x: &DMatrix<f64>, q: &DMatrix<f64>) -> f64 {
+    let flow = a * x;
+    relative(&(&flow + flow.transpose() + q), flow.amax().max(q.amax()))
+}
+
+fn relative(residual: &DMatrix<f64>, scale: f64) -> f64 {
+    if scale > 0.0 {
+        residual.amax() / scale
+    } else {
+        residual.amax()
+    }
 }
 
 #[cfg(test)]

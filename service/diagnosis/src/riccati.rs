@@ -91,7 +91,7 @@ pub fn dare(
         g: c.transpose() * &inverse * c,
         h: noise.q - noise.s * &inverse * noise.s.transpose(),
     };
-    let doubled = start.solve().and_then(|pi| filter_of(a, c, noise, pi));
+    let doubled = start.solve().and_then(|pi| dare_at(a, c, noise, pi));
     let solution = match doubled {
         Ok(solution) if solution.residual <= ACCURATE => solution,
         // Strongly unstable plants cost the doubling its digits; the recursion of the filter does not lose them.
@@ -110,8 +110,11 @@ pub fn dare(
     Ok(solution)
 }
 
-/// Gain and residual that belong to Π.
-fn filter_of(
+/// Ω, gain and residual that belong to a given Π in discrete time: how a solution is checked.
+///
+/// # Errors
+/// [`RiccatiError::NoConvergence`] if Ω is singular.
+pub fn dare_at(
     a: &DMatrix<f64>,
     c: &DMatrix<f64>,
     noise: Covariances<'_>,
@@ -143,7 +146,7 @@ fn improved(
 ) -> Result<RiccatiSolution, RiccatiError> {
     let n = a.nrows();
     let size = noise.q.amax().max(noise.r.amax());
-    let mut best = filter_of(a, c, noise, DMatrix::identity(n, n) * size)?;
+    let mut best = dare_at(a, c, noise, DMatrix::identity(n, n) * size)?;
     for round in 0..RECURSIONS {
         let gain = &best.gain;
         let closed = a - gain * c;
@@ -154,7 +157,7 @@ fn improved(
             false => crate::lyapunov::discrete(&closed, &driven),
         };
         let next = stationary.unwrap_or_else(|| &closed * &best.pi * closed.transpose() + driven);
-        best = filter_of(a, c, noise, (&next + next.transpose()) / 2.0)?;
+        best = dare_at(a, c, noise, (&next + next.transpose()) / 2.0)?;
         if round > WARM_UP && best.residual <= ACCURATE {
             break;
         }
@@ -176,24 +179,38 @@ pub fn care(
     let weight = noise.q - noise.s * &inverse * noise.s.transpose();
     let start =
         cayley(&reduced, &(c.transpose() * &inverse * c), &weight).ok_or(RiccatiError::NoConvergence)?;
-    let pi = start.solve()?;
-    let cross = &pi * c.transpose() + noise.s;
-    let gain = &cross * inverse;
-    let (flow, loss) = (a * &pi, &gain * cross.transpose());
-    let residual = relative(
-        &(&flow + flow.transpose() + noise.q - &loss),
-        &[&flow, noise.q, &loss],
-    );
+    let solution = care_at(a, c, noise, start.solve()?)?;
+    let (residual, gain) = (solution.residual, &solution.gain);
     if !(residual <= RESIDUAL) {
         return Err(RiccatiError::LargeResidual { residual });
     }
-    let poles = crate::decomposition::eigenvalues(&(a - &gain * c)).ok_or(RiccatiError::NoConvergence)?;
+    let poles = crate::decomposition::eigenvalues(&(a - gain * c)).ok_or(RiccatiError::NoConvergence)?;
     let worst = poles.iter().map(|pole| pole.re).fold(f64::NEG_INFINITY, f64::max);
     if !(worst < 0.0) {
         return Err(RiccatiError::NotStabilising {
             measure: format!("real part {worst}"),
         });
     }
+    Ok(solution)
+}
+
+/// Ω = R, gain and residual that belong to a given Π in continuous time: how a solution is checked.
+///
+/// # Errors
+/// [`RiccatiError::SingularNoise`] if R is singular.
+pub fn care_at(
+    a: &DMatrix<f64>,
+    c: &DMatrix<f64>,
+    noise: Covariances<'_>,
+    pi: DMatrix<f64>,
+) -> Result<RiccatiSolution, RiccatiError> {
+    let cross = &pi * c.transpose() + noise.s;
+    let gain = &cross * inverse_of_noise(noise.r)?;
+    let (flow, loss) = (a * &pi, &gain * cross.transpose());
+    let residual = relative(
+        &(&flow + flow.transpose() + noise.q - &loss),
+        &[&flow, noise.q, &loss],
+    );
     Ok(RiccatiSolution {
         omega: noise.r.clone(),
         pi,

@@ -13,7 +13,7 @@ use residual_diagnosis::reduced_order_observer::options::ReducedOrderObserverOpt
 use residual_diagnosis::response::Response;
 use residual_diagnosis::unknown_input_filter::tables::UnknownInputFilterTables;
 #[cfg(feature = "synthesis")]
-use residual_synthesis::{reduced_order_observer, unknown_input_filter};
+use residual_synthesis::{hinf_filter, reduced_order_observer, unknown_input_filter};
 use serde::Serialize;
 use std::ops::Range;
 use toml::de::DeTable;
@@ -134,7 +134,7 @@ impl MethodConfiguration {
                 progress,
             )?),
             Self::AsyncImm(tables) => tabulated(tables.find_gains(sample_time_s)?),
-            Self::HinfFilter(tables) => tabulated(tables.find_gains(sample_time_s)?),
+            Self::HinfFilter(tables) => tabulated(hinf_filter::find_gains(tables, sample_time_s, progress)?),
             Self::ChiSquare(tables) => tabulated(tables.find_gains(sample_time_s)?),
         }
     }

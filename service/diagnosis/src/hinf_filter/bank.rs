@@ -1,11 +1,12 @@
 //! Filters that are blind to some faults, and the filter that estimates them (method sheet 4.5).
 
 use super::{
+    certificate::Time,
     error::HinfFilterError,
-    gain::weighted,
+    find::weighted,
     plant::beside,
     problem::Problem,
-    synthesis::{Weighted, pseudo_inverse, synth_riccati_dt},
+    synthesis::{RiccatiDesign, Weighted, pseudo_inverse, synth_riccati_dt},
 };
 use crate::{
     decomposition::SingularDecomposition,
@@ -19,31 +20,48 @@ const ANGLES: [f64; 3] = [0.173, 0.911, 2.207];
 /// Singular values below this part of the largest count as zero.
 const RANK: f64 = 1e-9;
 
-/// L and V of one filter, and what it passes of its blind faults.
-#[derive(Clone, Debug, PartialEq)]
-pub struct BlindDesign {
-    /// L, n x q.
-    pub gain: DMatrix<f64>,
-    /// V, q x q.
-    pub v: DMatrix<f64>,
-    /// ‖V T_blind‖∞.
-    pub leak: f64,
-}
-
-/// The filter that is blind to the faults of set `index`.
+/// L, V and Π of the filter that is blind to the faults of set `index`.
 ///
 /// # Errors
-/// [`HinfFilterError::NotIsolable`], [`HinfFilterError::NotBlind`], [`HinfFilterError::Riccati`].
-pub fn design_blind(problem: &Problem, index: usize, weight: f64) -> Result<BlindDesign, HinfFilterError> {
+/// [`HinfFilterError::NotIsolable`], [`HinfFilterError::Riccati`], [`HinfFilterError::NotBlind`].
+pub(super) fn find_blind(
+    problem: &Problem,
+    index: usize,
+    weight: f64,
+) -> Result<RiccatiDesign, HinfFilterError> {
     let (plant, sampled) = (&problem.plant, &problem.sampled);
-    let Some(blind) = problem.faults.blind.get(index) else {
-        return Err(HinfFilterError::NotBlind {
-            index,
-            gain: f64::INFINITY,
-        });
-    };
-    let (input, direct) = (sampled.bfd.select_columns(blind), plant.df.select_columns(blind));
-    for j in (0..plant.bf.ncols()).filter(|j| !blind.contains(j)) {
+    let blind = problem.faults.blind.get(index).map_or(&[][..], Vec::as_slice);
+    check_isolable(problem, index, blind)?;
+    let weighted = blind_weighted(problem, blind, weight);
+    let design = synth_riccati_dt(&sampled.ad, &plant.c, &weighted, &sampled.bdd).map_err(|source| {
+        HinfFilterError::Riccati {
+            filter: format!("blind filter {index}"),
+            source,
+        }
+    })?;
+    let leak = blind_leak(problem, blind, &design.gain, &design.v);
+    if !(leak <= largest_leak(weight)) {
+        return Err(HinfFilterError::NotBlind { index, gain: leak });
+    }
+    Ok(design)
+}
+
+/// Weighted disturbance matrices with the blind faults as further disturbances of weight w_b.
+pub(super) fn blind_weighted(problem: &Problem, blind: &[usize], weight: f64) -> Weighted {
+    let (input, direct) = (
+        problem.sampled.bfd.select_columns(blind),
+        problem.plant.df.select_columns(blind),
+    );
+    weighted(problem, Time::Discrete).with_columns(&(input * weight), &(direct * weight))
+}
+
+/// Refuses a blind set from which some other fault cannot be told.
+pub(super) fn check_isolable(
+    problem: &Problem,
+    index: usize,
+    blind: &[usize],
+) -> Result<(), HinfFilterError> {
+    for j in (0..problem.plant.bf.ncols()).filter(|j| !blind.contains(j)) {
         let both = blind.iter().copied().chain([j]).collect::<Vec<_>>();
         if !adds_rank(problem, blind, &both) {
             return Err(HinfFilterError::NotIsolable {
@@ -52,29 +70,25 @@ pub fn design_blind(problem: &Problem, index: usize, weight: f64) -> Result<Blin
             });
         }
     }
-    let weighted = weighted(problem).with_columns(&(&input * weight), &(&direct * weight));
-    let design = synth_riccati_dt(&sampled.ad, &plant.c, &weighted, &sampled.bdd).map_err(|source| {
-        HinfFilterError::Riccati {
-            filter: format!("blind filter {index}"),
-            source,
-        }
-    })?;
-    let closed = &sampled.ad - &design.gain * &plant.c;
+    Ok(())
+}
+
+/// ‖V T_blind‖∞, infinite if the filter is not stable.
+pub(super) fn blind_leak(problem: &Problem, blind: &[usize], gain: &DMatrix<f64>, v: &DMatrix<f64>) -> f64 {
+    let (plant, sampled) = (&problem.plant, &problem.sampled);
+    let (input, direct) = (sampled.bfd.select_columns(blind), plant.df.select_columns(blind));
     let system = System::new(
-        &closed,
-        &(input - &design.gain * &direct),
-        &(&design.v * &plant.c),
-        &(&design.v * direct),
+        &(&sampled.ad - gain * &plant.c),
+        &(input - gain * &direct),
+        &plant.c,
+        &direct,
     );
-    let leak = h_infinity_discrete(&system).value;
-    if !(leak <= (1.0 + 1e-6) / weight) {
-        return Err(HinfFilterError::NotBlind { index, gain: leak });
-    }
-    Ok(BlindDesign {
-        gain: design.gain,
-        v: design.v,
-        leak,
-    })
+    h_infinity_discrete(&system.filtered(v)).value
+}
+
+/// 1/w_b, with room for rounding.
+pub(super) fn largest_leak(weight: f64) -> f64 {
+    (1.0 + 1e-6) / weight
 }
 
 /// Whether the transfer matrix of the faults `more` has a larger rank than that of `few`.
@@ -100,28 +114,25 @@ fn adds_rank(problem: &Problem, few: &[usize], more: &[usize]) -> bool {
         })
 }
 
-/// L_f with T_rf ≡ Df, and Df⁺, so that Df⁺ r estimates f.
+/// L_f with T_rf ≡ Df, so that Df⁺ r estimates f.
 ///
 /// L_f = Bfd Df⁺ + N (I - Df Df⁺); N is the Riccati gain of the reduced pair.
 ///
 /// # Errors
 /// [`HinfFilterError::NoEstimate`].
-pub fn design_estimate(problem: &Problem) -> Result<(DMatrix<f64>, DMatrix<f64>), HinfFilterError> {
+pub(super) fn find_estimate(problem: &Problem) -> Result<DMatrix<f64>, HinfFilterError> {
     let impossible = |reason: String| HinfFilterError::NoEstimate { reason };
     let (plant, sampled) = (&problem.plant, &problem.sampled);
     let (_, _, q, _, l) = plant.dimensions();
     let values = SingularDecomposition::new(&plant.df);
-    if l > q || values.smallest() <= RANK * values.largest() {
-        return Err(impossible("Df has no full column rank".to_owned()));
-    }
-    let inverse = pseudo_inverse(&plant.df);
+    let inverse = fault_inverse(problem)?;
     let base = &sampled.bfd * &inverse;
     let gain = if l == q {
         base
     } else {
         // An orthonormal basis P of what no fault reaches: I - Df Df⁺ = P P'.
         let unreached = SingularDecomposition::new(&plant.df.transpose()).null_space(RANK * values.largest());
-        let projected = weighted(problem);
+        let projected = weighted(problem, Time::Discrete);
         let reduced = Weighted {
             b: &projected.b - &base * &projected.d,
             d: unreached.tr_mul(&projected.d),
@@ -138,7 +149,22 @@ pub fn design_estimate(problem: &Problem) -> Result<(DMatrix<f64>, DMatrix<f64>)
             "the filter with T_rf = Df has a pole of modulus {radius:.6}"
         )));
     }
-    Ok((gain, inverse))
+    Ok(gain)
+}
+
+/// Df⁺ of a Df of full column rank.
+///
+/// # Errors
+/// [`HinfFilterError::NoEstimate`].
+pub(super) fn fault_inverse(problem: &Problem) -> Result<DMatrix<f64>, HinfFilterError> {
+    let df = &problem.plant.df;
+    let values = SingularDecomposition::new(df);
+    if df.ncols() > df.nrows() || values.smallest() <= RANK * values.largest() {
+        return Err(HinfFilterError::NoEstimate {
+            reason: "Df has no full column rank".to_owned(),
+        });
+    }
+    Ok(pseudo_inverse(df))
 }
 
 /// Columns of disturbances and of the given faults side by side.

@@ -301,6 +301,18 @@ impl Bounds {
                 .fold(0.0, f64::max)
         }))
     }
+
+    /// The threshold of the energy in a window of `length` seconds long after the start and without commands.
+    pub fn settled_energy(&self, length: f64) -> f64 {
+        let thresholds = self.models.iter().map(|model| {
+            let by_samples = (length * squares(&model.constant[..self.tested])).sqrt();
+            match self.by_amplitude {
+                true => by_samples.min(model.energy),
+                false => model.energy,
+            }
+        });
+        thresholds.fold(0.0, f64::max) + self.noise_energy
+    }
 }
 
 impl Initial {

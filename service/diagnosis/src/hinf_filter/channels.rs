@@ -1,8 +1,8 @@
 //! The channels of a record (method sheet 4.2).
 
 use super::{
-    construction::METHOD, filter::ResidualFilter, gain::MainDesign, options::HinfFilterOptions,
-    problem::Problem,
+    construction::METHOD, faults::FaultSet, filter::ResidualFilter, main_filter::MainFilter,
+    options::HinfFilterOptions, problem::Problem,
 };
 use crate::diagnoser::{ChannelDescription, Description};
 use nalgebra::DMatrix;
@@ -11,7 +11,7 @@ use nalgebra::DMatrix;
 pub(super) fn describe(
     problem: &Problem,
     options: &HinfFilterOptions,
-    main: &MainDesign,
+    main: &MainFilter,
     filters: &[ResidualFilter],
     bank: usize,
     estimates: bool,
@@ -27,16 +27,7 @@ pub(super) fn describe(
         })
     };
     for (i, filter) in filters.iter().take(1 + bank).enumerate() {
-        let prefix = match i.checked_sub(1) {
-            None => String::new(),
-            Some(i) => {
-                let blind: Vec<_> = problem.faults.blind[i]
-                    .iter()
-                    .map(|j| names[*j].as_str())
-                    .collect();
-                format!("blind_to_{}_", blind.join("_"))
-            }
-        };
+        let prefix = prefix(&problem.faults, i);
         add(format!("{prefix}energy"), "");
         for row in 0..filter.tested {
             let units = options.model.output_units.as_ref().filter(|_| plain && i == 0);
@@ -57,4 +48,13 @@ pub(super) fn describe(
         command_count: p,
         packets: None,
     }
+}
+
+/// How the channels of a filter begin: nothing for the detecting one, which is number 0.
+pub(super) fn prefix(faults: &FaultSet, filter: usize) -> String {
+    let blind = filter.checked_sub(1).and_then(|i| faults.blind.get(i));
+    blind.map_or_else(String::new, |set| {
+        let names: Vec<_> = set.iter().map(|j| faults.names[*j].as_str()).collect();
+        format!("blind_to_{}_", names.join("_"))
+    })
 }

@@ -2,7 +2,9 @@
 
 use super::{
     error::HinfFilterError,
-    options::{DesignType, HinfFilterOptions, RealisationType, ThresholdType},
+    find::has_no_direct_disturbance,
+    options::{DesignType, HinfFilterOptions, RealisationType, SynthesisOptions, ThresholdType},
+    plant::Plant,
     problem::Problem,
     reading::positive,
 };
@@ -64,8 +66,14 @@ impl Problem {
                 return conflict("isolation", reason);
             }
         }
-        if held && matches!(synthesis.design, DesignType::RiccatiDiscrete) {
-            let reason = "with \"riccati_dt\", it needs a continuous gain; use \"riccati_ct\", \"matched\" or a given H";
+        if held
+            && matches!(
+                synthesis.design,
+                DesignType::RiccatiDiscrete | DesignType::TwoStageDiscrete
+            )
+        {
+            let reason = "with this `synthesis.type`, it needs a continuous gain; use \"riccati_ct\", \"matched\", a \
+                          continuous design by matrix inequalities or a given H";
             return conflict("filter.realisation", reason);
         }
         if held && synthesis.design == DesignType::Given && synthesis.h.is_none() {
@@ -82,27 +90,80 @@ impl Problem {
                 allowed: "it is a part of the period, above 0 and below 1",
             });
         }
-        check_gain_keys(options)
+        check_synthesis(&self.plant, synthesis)
     }
 }
 
-/// Keys of a gain that do not belong to the type of the design.
-fn check_gain_keys(options: &HinfFilterOptions) -> Result<(), HinfFilterError> {
-    let synthesis = &options.synthesis;
-    let given = synthesis.design == DesignType::Given;
-    let reason = "with this `synthesis.type`; use \"given\"";
-    for (key, present) in [
-        ("synthesis.L", synthesis.l.is_some()),
-        ("synthesis.H", synthesis.h.is_some()),
-        ("synthesis.claimed_bound", synthesis.claimed_bound.is_some()),
-        ("synthesis.pole_decay", synthesis.pole_decay.is_some()),
-        ("synthesis.pole_radius", synthesis.pole_radius.is_some()),
+/// Keys of the synthesis that do not belong to the type of the design, and numbers out of range.
+fn check_synthesis(plant: &Plant, synthesis: &SynthesisOptions) -> Result<(), HinfFilterError> {
+    let design = synthesis.design;
+    let given = design == DesignType::Given;
+    let two_stage = matches!(
+        design,
+        DesignType::TwoStageDiscrete | DesignType::TwoStageContinuous
+    );
+    let paper = design == DesignType::Paper;
+    // Where the poles must lie: asked of a design, or claimed of a given gain.
+    let continuous = matches!(design, DesignType::TwoStageContinuous | DesignType::Mixed)
+        || given && synthesis.h.is_some();
+    let discrete = design == DesignType::TwoStageDiscrete || given && synthesis.l.is_some();
+    let only_given = "with this `synthesis.type`; use \"given\"";
+    let region = "with this `synthesis.type`; use \"lmi_two_stage_dt\", \"lmi_two_stage_ct\", \"lmi_mixed\" or \"given\"";
+    let radius = "with this gain; use `synthesis.pole_radius` with a continuous gain, `synthesis.radius_z` or \
+                  `synthesis.pole_decay` with a discrete one";
+    for (key, present, allowed, reason) in [
+        ("synthesis.L", synthesis.l.is_some(), given, only_given),
+        ("synthesis.H", synthesis.h.is_some(), given, only_given),
+        (
+            "synthesis.claimed_bound",
+            synthesis.claimed_bound.is_some(),
+            given,
+            only_given,
+        ),
         (
             "synthesis.V",
-            synthesis.v.is_some() && synthesis.design != DesignType::Matched,
+            synthesis.v.is_some(),
+            given || design == DesignType::Matched,
+            only_given,
+        ),
+        (
+            "synthesis.slack",
+            synthesis.slack.is_some(),
+            two_stage,
+            "with this `synthesis.type`; use \"lmi_two_stage_dt\" or \"lmi_two_stage_ct\"",
+        ),
+        (
+            "synthesis.normalisation",
+            synthesis.normalisation.is_some(),
+            paper,
+            "with this `synthesis.type`; use \"lmi_paper\"",
+        ),
+        (
+            "synthesis.recovery",
+            synthesis.recovery.is_some(),
+            paper,
+            "with this `synthesis.type`; use \"lmi_paper\"",
+        ),
+        (
+            "synthesis.pole_decay",
+            synthesis.pole_decay.is_some(),
+            continuous || discrete || given,
+            region,
+        ),
+        (
+            "synthesis.pole_radius",
+            synthesis.pole_radius.is_some(),
+            continuous,
+            if discrete { radius } else { region },
+        ),
+        (
+            "synthesis.radius_z",
+            synthesis.radius_z.is_some(),
+            discrete,
+            if continuous { radius } else { region },
         ),
     ] {
-        if present && !given {
+        if present && !allowed {
             return Err(HinfFilterError::Conflict { key, reason });
         }
     }
@@ -122,16 +183,36 @@ fn check_gain_keys(options: &HinfFilterOptions) -> Result<(), HinfFilterError> {
         ("synthesis.claimed_bound", synthesis.claimed_bound),
         ("synthesis.pole_decay", synthesis.pole_decay),
         ("synthesis.pole_radius", synthesis.pole_radius),
+        ("synthesis.slack", synthesis.slack),
         ("synthesis.max_gain", Some(synthesis.max_gain)),
     ] {
         positive(key, value)?;
     }
-    if synthesis.pole_radius.is_some() && synthesis.h.is_none() {
-        let reason = "with a discrete gain; use `synthesis.pole_decay`";
-        return Err(HinfFilterError::Conflict {
-            key: "synthesis.pole_radius",
-            reason,
-        });
+    let out_of_range = |key: &str, value, allowed| HinfFilterError::OutOfRange {
+        key: key.to_owned(),
+        value,
+        allowed,
+    };
+    if let Some(slack) = synthesis.slack.filter(|slack| *slack > 1.0) {
+        let allowed = "it is a part of the optimum, at most 1";
+        return Err(out_of_range("synthesis.slack", slack, allowed));
     }
-    Ok(())
+    if let Some(radius) = synthesis
+        .radius_z
+        .filter(|radius| !(*radius > 0.0 && *radius < 1.0))
+    {
+        let allowed = "the modulus of a stable discrete pole lies above 0 and below 1";
+        return Err(out_of_range("synthesis.radius_z", radius, allowed));
+    }
+    if let (Some(decay), Some(radius)) = (synthesis.pole_decay, synthesis.pole_radius)
+        && decay >= radius
+    {
+        let allowed = "with `synthesis.pole_radius` at or below it no pole is allowed; make it smaller";
+        return Err(out_of_range("synthesis.pole_decay", decay, allowed));
+    }
+    let unbounded = design.needs_solver() && design.is_continuous() && has_no_direct_disturbance(plant);
+    match unbounded && synthesis.pole_radius.is_none() {
+        true => Err(HinfFilterError::UnboundedInequalities),
+        false => Ok(()),
+    }
 }

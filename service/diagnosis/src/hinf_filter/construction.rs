@@ -2,23 +2,27 @@
 
 use super::{
     HinfFilter,
-    bank::{design_blind, design_estimate, with_faults},
+    achieved::{Assembly, RunningFilter},
+    bank::with_faults,
     bounds::{Bounds, BoundsDesign, BoundsState, WindowRule},
     channels::describe,
     constants::{Driven, ErrorFilter, ErrorModel, ThresholdConstants, within_period},
     diagnoser::{Rules, State},
     error::HinfFilterError,
     filter::{FilterState, ResidualFilter, Threshold},
-    gain::design_main,
+    find::find_gains,
+    gains::HinfFilterGains,
     gap::GapEnvelope,
     isolation::{BlindSets, Episode},
+    main_filter::MainFilter,
     noise::NoiseBound,
     observer::{Correction, Observer},
     options::{HinfFilterOptions, ThresholdType},
     plant::{Plant, SampledPlant, stacked},
     problem::Problem,
-    report::Report,
+    report::{Report, guarantee},
     synthesis::pseudo_inverse,
+    verified::{CheckedEstimate, checked_bank, checked_estimate},
 };
 use crate::{decomposition::SingularDecomposition, matrix::Matrix, state::StateFormat};
 use nalgebra::{DMatrix, DVector};
@@ -32,10 +36,10 @@ const STATE_VERSION: u16 = 1;
 
 /// One filter to be put together.
 struct FilterDesign<'a> {
-    label: &'a str,
-    closed: &'a DMatrix<f64>,
-    gain: &'a DMatrix<f64>,
-    v: &'a DMatrix<f64>,
+    label: String,
+    closed: DMatrix<f64>,
+    gain: DMatrix<f64>,
+    v: DMatrix<f64>,
     correction: Correction,
     /// Faults that count as disturbances.
     faults: &'a [usize],
@@ -44,55 +48,89 @@ struct FilterDesign<'a> {
 }
 
 impl HinfFilter {
-    /// Checks everything, designs the filters and computes their thresholds.
+    /// Finds the gains without a solver and constructs the filters.
     ///
     /// # Errors
     /// [`HinfFilterError`]: the first condition that does not hold.
     pub fn new(options: &HinfFilterOptions, sample_time_s: f64) -> Result<Self, HinfFilterError> {
         let problem = Problem::new(options, sample_time_s)?;
-        let main = design_main(&problem, options)?;
-        let mut filters = Vec::new();
-        let mut states = Vec::new();
+        let gains = find_gains(&problem, options)?;
+        Self::assemble(problem, options, &gains)
+    }
+
+    /// Constructs the filters that run on these gains, certifies them anew and computes their thresholds.
+    ///
+    /// # Errors
+    /// [`HinfFilterError`]: the first condition that does not hold.
+    pub fn with_gains(
+        options: &HinfFilterOptions,
+        sample_time_s: f64,
+        gains: &HinfFilterGains,
+    ) -> Result<Self, HinfFilterError> {
+        Self::assemble(Problem::new(options, sample_time_s)?, options, gains)
+    }
+
+    fn assemble(
+        problem: Problem,
+        options: &HinfFilterOptions,
+        gains: &HinfFilterGains,
+    ) -> Result<Self, HinfFilterError> {
+        let sample_time_s = problem.sampled.sample_time_s;
+        let gain_key = if gains.main.h.is_some() {
+            "gains.main.H"
+        } else {
+            "gains.main.L"
+        };
+        let main =
+            MainFilter::new(&problem, options, &gains.main).map_err(|error| error.of_gains(gain_key))?;
+        let blind = checked_bank(&problem, options, &gains.blind)?;
+        let estimate = checked_estimate(&problem, options, gains.estimator.as_ref())?;
         let build = Builder {
             problem: &problem,
             options,
         };
-        let (filter, state, constants) = build.filter(FilterDesign {
-            label: "the filter",
-            closed: &main.closed,
-            gain: &main.gain,
-            v: &main.v,
+        let open = &problem.sampled.ad;
+        let mut designs = vec![FilterDesign {
+            label: "the filter".to_owned(),
+            closed: main.closed.clone(),
+            gain: main.gain.clone(),
+            v: main.v.clone(),
             correction: main.correction.clone(),
             faults: &[],
             estimates: false,
-        })?;
-        filters.push(filter);
-        states.push(state);
-        let mut leaks = Vec::new();
-        let isolation = options.isolation.as_ref();
-        for (index, blind) in problem.faults.blind.iter().enumerate() {
-            let weight = isolation.map_or(1.0, |isolation| isolation.blind_weight);
-            let design = design_blind(&problem, index, weight)?;
-            let (filter, state, _) = build.discrete(
-                &format!("blind filter {index}"),
-                &design.gain,
-                &design.v,
-                blind,
-                false,
-            )?;
-            filters.push(filter);
-            states.push(state);
-            leaks.push(design.leak);
-        }
-        let estimates = isolation.is_some_and(|isolation| isolation.fault_estimate);
-        if estimates {
-            let (gain, inverse) = design_estimate(&problem)?;
-            let all: Vec<usize> = (0..problem.plant.bf.ncols()).collect();
-            let (filter, state, _) = build.discrete("the fault estimate", &gain, &inverse, &all, true)?;
-            filters.push(filter);
-            states.push(state);
+        }];
+        for (index, checked) in blind.iter().enumerate() {
+            designs.push(FilterDesign {
+                label: format!("blind filter {index}"),
+                closed: open - &checked.gain * &problem.plant.c,
+                correction: Correction::residual(&checked.gain),
+                gain: checked.gain.clone(),
+                v: checked.v.clone(),
+                faults: &problem.faults.blind[index],
+                estimates: false,
+            });
         }
         let bank = problem.faults.blind.len();
+        let all: Vec<usize> = (0..problem.plant.bf.ncols()).collect();
+        let estimates = estimate.is_some();
+        if let Some(CheckedEstimate { gain, inverse }) = estimate {
+            designs.push(FilterDesign {
+                label: "the fault estimate".to_owned(),
+                closed: open - &gain * &problem.plant.c,
+                correction: Correction::residual(&gain),
+                gain,
+                v: inverse,
+                faults: &all,
+                estimates: true,
+            });
+        }
+        let (mut filters, mut states, mut constants) = (Vec::new(), Vec::new(), Vec::new());
+        for design in &designs {
+            let (filter, state, found) = build.filter(design)?;
+            filters.push(filter);
+            states.push(state);
+            constants.push(found);
+        }
         let description = describe(&problem, options, &main, &filters, bank, estimates);
         if description.channels.len() > MAX_CHANNELS {
             return Err(HinfFilterError::TooManyChannels {
@@ -100,9 +138,27 @@ impl HinfFilter {
                 limit: MAX_CHANNELS,
             });
         }
+        let isolation = options.isolation.as_ref();
         let wait_s = isolation.map_or(0.0, |isolation| isolation.isolation_wait);
         let rules = Rules::new(&problem, options, bank);
-        let report = Report::new(&problem, options, &main, &filters[0], constants, leaks);
+        let running = filters
+            .iter()
+            .zip(&designs)
+            .map(|(filter, design)| RunningFilter {
+                filter,
+                closed: &design.closed,
+                gain: &design.gain,
+                v: &design.v,
+            });
+        let assembly = Assembly {
+            problem: &problem,
+            options,
+            main: &main,
+            running: running.collect(),
+            blind: &blind,
+            guarantee: &guarantee(options, &main),
+        };
+        let report = Report::new(&assembly, &filters[0], constants.swap_remove(0));
         let (n, p) = (problem.plant.a.nrows(), problem.plant.b.ncols());
         let mut filter = Self {
             filters,
@@ -114,7 +170,7 @@ impl HinfFilter {
             ),
             state: State::new(states, p, Episode::default()),
             start: vec![0.0; n],
-            format: StateFormat::new(METHOD, STATE_VERSION, &(options, sample_time_s)),
+            format: StateFormat::new(METHOD, STATE_VERSION, &(options, sample_time_s, gains)),
             description,
             report,
         };
@@ -131,35 +187,15 @@ struct Builder<'a> {
 type Built = (ResidualFilter, FilterState, Option<ThresholdConstants>);
 
 impl Builder<'_> {
-    /// A discrete observer with the gain L.
-    fn discrete(
-        &self,
-        label: &str,
-        gain: &DMatrix<f64>,
-        v: &DMatrix<f64>,
-        faults: &[usize],
-        estimates: bool,
-    ) -> Result<Built, HinfFilterError> {
-        self.filter(FilterDesign {
-            label,
-            closed: &(&self.problem.sampled.ad - gain * &self.problem.plant.c),
-            gain,
-            v,
-            correction: Correction::residual(gain),
-            faults,
-            estimates,
-        })
-    }
-
-    fn filter(&self, design: FilterDesign<'_>) -> Result<Built, HinfFilterError> {
+    fn filter(&self, design: &FilterDesign<'_>) -> Result<Built, HinfFilterError> {
         let Problem { plant, sampled, .. } = self.problem;
         let tested = design.v.nrows();
-        let (v, inverse) = with_raw_rows(design.v);
+        let (v, inverse) = with_raw_rows(&design.v);
         let guaranteed = self.options.evaluation.threshold == ThresholdType::Guaranteed;
         let amplitude = self.problem.disturbance.amplitude.is_some();
         let peak_test = guaranteed && amplitude && self.options.evaluation.peak_test.unwrap_or(true);
         let (threshold, bounds, constants) = if guaranteed {
-            let (bounds, state, constants) = self.bounds(&design, &v, &inverse, tested)?;
+            let (bounds, state, constants) = self.bounds(design, &v, &inverse, tested)?;
             (
                 Threshold::Guaranteed(Box::new(bounds)),
                 Some(state),
@@ -177,7 +213,7 @@ impl Builder<'_> {
             sample_time_s: sampled.sample_time_s,
             include_current: self.options.evaluation.include_current,
         };
-        let observer = Observer::new(plant, sampled, design.correction);
+        let observer = Observer::new(plant, sampled, design.correction.clone());
         let filter = ResidualFilter::new(observer, Matrix::from(&v), tested, threshold, rule, peak_test);
         let state = filter.initial_state(bounds, self.problem.window);
         Ok((filter, state, constants))
@@ -200,11 +236,11 @@ impl Builder<'_> {
         } = problem;
         let sample_time_s = sampled.sample_time_s;
         let too_slow = || HinfFilterError::TooSlow {
-            filter: design.label.to_owned(),
+            filter: design.label.clone(),
         };
         let filter = ErrorFilter {
-            closed: design.closed,
-            gain: design.gain,
+            closed: &design.closed,
+            gain: &design.gain,
             c: &plant.c,
             v,
         };

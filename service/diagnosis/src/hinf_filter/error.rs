@@ -14,7 +14,7 @@ pub enum HinfFilterError {
     #[error("`{key}` is empty; it needs at least one {what}")]
     Empty {
         /// Dotted path of the entry.
-        key: &'static str,
+        key: String,
         /// What is missing.
         what: &'static str,
     },
@@ -103,6 +103,71 @@ pub enum HinfFilterError {
         /// Window by period.
         samples: f64,
     },
+    /// A continuous design by matrix inequalities whose optimum is 0 and not reached by any gain.
+    #[error(
+        "`model.Dd` is zero: larger and larger gains would be better; bound the poles by `synthesis.pole_radius`, or use \
+         a Riccati design with a noise weight"
+    )]
+    UnboundedInequalities,
+    /// A design that needs a solver where there is none.
+    #[error(
+        "`synthesis.type` = \"{design}\" needs a solver for matrix inequalities; run `residuald design` and configure \
+         its gains file, or use \"riccati_dt\""
+    )]
+    NeedsSolver {
+        /// The design.
+        design: &'static str,
+    },
+    /// Gains of another design.
+    #[error("the gains come from the design \"{found}\", not \"{wanted}\"; design the gains again")]
+    OtherDesign {
+        /// The gains' design.
+        found: &'static str,
+        /// The configured one.
+        wanted: &'static str,
+    },
+    /// Gains that differ from those of the configuration.
+    #[error("the gains are not those that `synthesis` gives; design the gains again")]
+    NotTheGivenGains,
+    /// A label that the certificate does not bear out.
+    #[error(
+        "the gains are labelled \"{stated}\", their certificate says \"{found}\"; design the gains again"
+    )]
+    Label {
+        /// The gains' label.
+        stated: String,
+        /// The certificate's.
+        found: String,
+    },
+    /// Gains of another number of filters, or of other filters.
+    #[error("the gains are for {found}, the configuration asks for {wanted}; design the gains again")]
+    OtherFilters {
+        /// Dotted path of the entry.
+        key: String,
+        /// The gains' filters.
+        found: String,
+        /// The configured ones.
+        wanted: String,
+    },
+    /// An estimating filter whose residual does not pass the faults unchanged.
+    #[error(
+        "the filter of the fault estimate does not give T_rf = Df: Bfd - L Df has a part {rest:e} of Bfd, 1e-9 is \
+         allowed (margin {margin:e}); design the gains again"
+    )]
+    NotTheEstimate {
+        /// Largest entry of Bfd - L Df relative to Bfd.
+        rest: f64,
+        /// 1e-9 less that.
+        margin: f64,
+    },
+    /// Gains that fail a condition.
+    #[error("{source}")]
+    Gains {
+        /// Dotted path of the entry.
+        key: String,
+        /// Why.
+        source: Box<HinfFilterError>,
+    },
     /// The Riccati equation has no usable solution.
     #[error("the design of {filter} failed: {source}; increase `synthesis.noise_weight`")]
     Riccati {
@@ -137,12 +202,14 @@ pub enum HinfFilterError {
     },
     /// A gain that fails its certificate.
     #[error(
-        "the gain is uncertified: {reason}; use another gain, or set `synthesis.allow_uncertified` = true and do \
-             without a guarantee"
+        "the gain is uncertified: {reason} (margin {margin:.3e}); use another gain, or set \
+         `synthesis.allow_uncertified` = true and do without a guarantee"
     )]
     Certificate {
         /// Which condition does not hold.
         reason: String,
+        /// By how much, negative.
+        margin: f64,
     },
     /// A response that does not decay in any useful time.
     #[error("{filter} decays too slowly for a threshold to be computed; use a gain with faster poles")]
@@ -195,18 +262,37 @@ pub enum HinfFilterError {
 }
 
 impl HinfFilterError {
+    /// The same about gains at `key`; errors that name an entry of the gains keep it.
+    pub(super) fn of_gains(self, key: impl Into<String>) -> Self {
+        if self.key().starts_with("gains.") {
+            return self;
+        }
+        Self::Gains {
+            key: key.into(),
+            source: Box::new(self),
+        }
+    }
+
     /// Dotted path, inside the diagnoser's table, of the entry to look at.
     pub fn key(&self) -> String {
         match self {
             Self::Table(error) => return error.key(),
-            Self::OutOfRange { key, .. } | Self::FaultName { key, .. } => return key.clone(),
-            Self::Empty { key, .. } | Self::Missing { key, .. } | Self::Conflict { key, .. } => key,
+            Self::OutOfRange { key, .. } | Self::FaultName { key, .. } | Self::Empty { key, .. } => {
+                return key.clone();
+            }
+            Self::Missing { key, .. } | Self::Conflict { key, .. } => key,
             Self::NotDetectable { .. } => "model.C",
             Self::NotStable { .. } | Self::Eigenvalues { .. } => "model.A",
             Self::ListedModelNotStable { index, .. } => return format!("model.listed_models.{index}.A"),
             Self::Unbounded | Self::Riccati { .. } => "synthesis.noise_weight",
+            Self::UnboundedInequalities => "synthesis.type",
+            Self::OtherFilters { key, .. } | Self::Gains { key, .. } => return key.clone(),
+            Self::OtherDesign { .. } | Self::NotTheGivenGains => "gains.main.design",
+            Self::Label { .. } => "gains.main.label",
+            Self::NotTheEstimate { .. } => "gains.estimator.L",
             Self::Window { .. } => "evaluation.window",
             Self::NotMatched
+            | Self::NeedsSolver { .. }
             | Self::FilterNotStable { .. }
             | Self::Certificate { .. }
             | Self::TooSlow { .. } => "synthesis.type",

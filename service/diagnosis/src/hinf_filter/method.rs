@@ -1,10 +1,10 @@
 //! The method as the configuration sees it.
 
 use super::{
-    HinfFilter, construction::METHOD, error::HinfFilterError, options::HinfFilterOptions, problem::Problem,
+    HinfFilter, construction::METHOD, error::HinfFilterError, find::find_gains, gains::HinfFilterGains,
+    options::HinfFilterOptions, problem::Problem,
 };
-use crate::achieved::Achieved;
-use crate::gains::{FoundGains, NoGains};
+use crate::gains::FoundGains;
 use crate::method::{Designed, MethodOptions, Refusal};
 
 impl From<HinfFilterError> for Refusal {
@@ -16,7 +16,7 @@ impl From<HinfFilterError> for Refusal {
 impl MethodOptions for HinfFilterOptions {
     const METHOD: &'static str = METHOD;
 
-    type Gains = NoGains;
+    type Gains = HinfFilterGains;
 
     fn signal_counts(&self) -> (usize, usize) {
         (self.model.c.len(), self.model.b.first().map_or(0, Vec::len))
@@ -32,14 +32,25 @@ impl MethodOptions for HinfFilterOptions {
         Ok(())
     }
 
-    fn find_gains(&self, _sample_time_s: f64) -> Result<FoundGains<NoGains>, Refusal> {
-        Ok(FoundGains::closed_form(NoGains {}))
+    fn needs_solver(&self) -> Option<Refusal> {
+        let design = self.synthesis.design;
+        design.needs_solver().then(|| {
+            HinfFilterError::NeedsSolver {
+                design: design.name(),
+            }
+            .into()
+        })
     }
 
-    fn with_gains(&self, sample_time_s: f64, _gains: &NoGains) -> Result<Designed, Refusal> {
-        let filter = HinfFilter::new(self, sample_time_s)?;
+    fn find_gains(&self, sample_time_s: f64) -> Result<FoundGains<HinfFilterGains>, Refusal> {
+        let problem = Problem::new(self, sample_time_s)?;
+        Ok(FoundGains::closed_form(find_gains(&problem, self)?))
+    }
+
+    fn with_gains(&self, sample_time_s: f64, gains: &HinfFilterGains) -> Result<Designed, Refusal> {
+        let filter = HinfFilter::with_gains(self, sample_time_s, gains)?;
         let report = filter.report();
-        let mut warnings = Vec::new();
+        let mut warnings = report.warnings.clone();
         if let Some(reason) = &report.missing_guarantee {
             warnings.push(format!("alarms without a fault are possible: {reason}"));
         } else if self.disturbance.slew.is_none() {
@@ -50,7 +61,7 @@ impl MethodOptions for HinfFilterOptions {
             );
         }
         Ok(Designed {
-            achieved: Achieved::default(),
+            achieved: report.achieved.clone(),
             notes: report.notes(),
             diagnoser: Box::new(filter),
             warnings,

@@ -99,7 +99,7 @@ pub struct DisturbanceOptions {
 }
 
 choice! {
-    /// Where the gain comes from. Designs by matrix inequalities come as `given` gains.
+    /// Where the gain comes from. Designs by matrix inequalities need a solver.
     #[derive(Default)]
     DesignType {
         /// Discrete Riccati equation: the best ratio of fault to disturbance (method sheet 3.2).
@@ -108,8 +108,75 @@ choice! {
         RiccatiContinuous = "riccati_ct",
         /// B Dd⁺, where it decouples the state from the disturbance.
         Matched = "matched",
+        /// Bounded-real inequalities in two stages, discrete: the smallest gain near the optimum, with the poles in a
+        /// region (method sheet 3.3).
+        TwoStageDiscrete = "lmi_two_stage_dt",
+        /// The same, continuous.
+        TwoStageContinuous = "lmi_two_stage_ct",
+        /// Largest fault at bounded disturbance with one Lyapunov matrix, continuous.
+        Mixed = "lmi_mixed",
+        /// The paper's inequalities (13), (14), whose claim is checked and mostly false (method sheet 3.6).
+        Paper = "lmi_paper",
         /// The matrices `L` or `H`, and `V`.
         Given = "given",
+    }
+}
+
+impl DesignType {
+    /// Whether the gain comes from matrix inequalities.
+    pub fn needs_solver(self) -> bool {
+        self.has_lyapunov_matrix() || self == Self::Paper
+    }
+
+    /// Whether the gain comes from a Riccati equation.
+    pub fn is_riccati(self) -> bool {
+        matches!(self, Self::RiccatiDiscrete | Self::RiccatiContinuous)
+    }
+
+    /// Whether a Lyapunov matrix proves the bound of the design.
+    pub fn has_lyapunov_matrix(self) -> bool {
+        matches!(
+            self,
+            Self::TwoStageDiscrete | Self::TwoStageContinuous | Self::Mixed
+        )
+    }
+
+    /// Whether the gain is found in continuous time, as H, whatever the sampled form of the filter.
+    pub fn is_continuous(self) -> bool {
+        matches!(
+            self,
+            Self::RiccatiContinuous | Self::TwoStageContinuous | Self::Mixed | Self::Paper
+        )
+    }
+
+    /// The Riccati design that takes the place of a failed search by matrix inequalities.
+    pub fn fallback(self) -> Self {
+        match self.is_continuous() {
+            true => Self::RiccatiContinuous,
+            false => Self::RiccatiDiscrete,
+        }
+    }
+}
+
+choice! {
+    /// The blocks of d and f in the paper's inequality (13), and what it claims.
+    #[derive(Default)]
+    Normalisation {
+        /// -I and the claim J < √γ.
+        Printed = "printed",
+        /// -γI and the claim J < γ.
+        #[default] Lemma1 = "lemma1",
+    }
+}
+
+choice! {
+    /// How a filter is read from a solution of the paper's inequalities.
+    #[derive(Default)]
+    Recovery {
+        /// H = R⁻¹Z and W_F from M, K, N, T: the claim does not hold for it.
+        AsPrinted = "as_printed",
+        /// H = X⁻¹Y', W_F = T_rf.
+        #[default] Sound = "sound",
     }
 }
 
@@ -117,15 +184,19 @@ choice! {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SynthesisOptions {
-    /// `"riccati_dt"` (default), `"riccati_ct"`, `"matched"` or `"given"`.
+    /// `"riccati_dt"` (default), `"riccati_ct"`, `"matched"`, `"lmi_two_stage_dt"`, `"lmi_two_stage_ct"`,
+    /// `"lmi_mixed"`, `"lmi_paper"` or `"given"`.
     #[serde(rename = "type")]
     pub design: DesignType,
-    /// w_d, length m; default: the amplitudes of d.
+    /// w_d, length m; default: the amplitudes of d. Of the Riccati designs, those of blind filters among them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub disturbance_weight: Option<Vec<f64>>,
     /// w_n, length q, units of y per unit of w_d; default: `disturbance.noise_std`, else 7 % of σ_max(Dd diag w_d).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise_weight: Option<Vec<f64>>,
+    /// By how much, relative, the second stage may exceed the optimum of the first; default 0.01; `lmi_two_stage_*` only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slack: Option<f64>,
     /// L, n x q, discrete gain; `given` only.
     #[serde(rename = "L", skip_serializing_if = "Option::is_none")]
     pub l: Option<Vec<Vec<f64>>>,
@@ -138,12 +209,21 @@ pub struct SynthesisOptions {
     /// What the designer of a given gain claims of ‖T_rd‖∞; checked.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub claimed_bound: Option<f64>,
-    /// α, 1/s: the designer of a given gain claims Re λ < -α (continuous), |λ| < e^{-αTs} (discrete); checked.
+    /// α, 1/s: Re λ < -α (continuous), |λ| < e^{-αTs} (discrete); asked of `lmi_*` designs, claimed of a given gain.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pole_decay: Option<f64>,
-    /// ρ, 1/s: the designer of a given continuous gain claims |λ| < ρ; checked.
+    /// ρ, 1/s: |λ| < ρ of a continuous gain.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pole_radius: Option<f64>,
+    /// r, below 1: |λ| < r of a discrete gain.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub radius_z: Option<f64>,
+    /// `"printed"` or `"lemma1"` (default); `lmi_paper` only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub normalisation: Option<Normalisation>,
+    /// `"as_printed"` or `"sound"` (default); `lmi_paper` only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub recovery: Option<Recovery>,
     /// Largest accepted norm of the gain: 1/s for H, 1 for L.
     pub max_gain: f64,
     /// Whether a gain that fails its certificate (but is stable) may run, without guarantee.
@@ -156,12 +236,16 @@ impl Default for SynthesisOptions {
             design: DesignType::default(),
             disturbance_weight: None,
             noise_weight: None,
+            slack: None,
             l: None,
             h: None,
             v: None,
             claimed_bound: None,
             pole_decay: None,
             pole_radius: None,
+            radius_z: None,
+            normalisation: None,
+            recovery: None,
             max_gain: 1e4,
             allow_uncertified: false,
         }

@@ -103,7 +103,10 @@ pub(super) fn read_plant(model: &PlantOptions) -> Result<Plant, HinfFilterError>
         ("model.Bf", plant.bf.ncols(), "fault"),
     ] {
         if count == 0 {
-            return Err(HinfFilterError::Empty { key, what });
+            return Err(HinfFilterError::Empty {
+                key: key.to_owned(),
+                what,
+            });
         }
     }
     if let Some(units) = model.output_units.as_ref().filter(|units| units.len() != q) {

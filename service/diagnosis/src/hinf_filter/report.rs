@@ -1,15 +1,17 @@
 //! What the design found, for people and for tests.
 
 use super::{
+    achieved::Assembly,
     certificate::{Certificate, Time},
     checks::describe,
     constants::ThresholdConstants,
     filter::{ResidualFilter, Threshold},
-    gain::MainDesign,
+    main_filter::MainFilter,
     observer::{Observer, ObserverState},
     options::{HinfFilterOptions, RealisationType, ThresholdType},
     problem::Problem,
 };
+use crate::achieved::Achieved;
 use nalgebra::{DMatrix, DVector};
 
 /// Length of the step response that shows how a command leaks into the residual, s.
@@ -24,6 +26,8 @@ pub struct Report {
     pub v: DMatrix<f64>,
     /// Poles and norms, recomputed.
     pub certificate: Certificate,
+    /// Of the continuous gain whose average is in force.
+    pub continuous: Option<Certificate>,
     /// √λ_max(Ω) of a Riccati design: the best possible weighted norm.
     pub optimum: Option<f64>,
     /// Constant parts of the thresholds for the nominal plant; `None` for a constant threshold.
@@ -36,29 +40,83 @@ pub struct Report {
     pub blind_leaks: Vec<f64>,
     /// Why the thresholds hold no guarantee; `None` if they do.
     pub missing_guarantee: Option<String>,
+    /// All of it in the words that all methods share.
+    pub achieved: Achieved,
+    /// What is accepted but deserves a second look.
+    pub warnings: Vec<String>,
+}
+
+/// What the thresholds are worth.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Guarantee {
+    /// No alarm without a fault.
+    Complete,
+    /// None but with the small probability that noise leaves.
+    Probable,
+    /// None, and why.
+    None(String),
 }
 
 impl Report {
     pub(super) fn new(
-        problem: &Problem,
-        options: &HinfFilterOptions,
-        main: &MainDesign,
+        assembly: &Assembly<'_>,
         filter: &ResidualFilter,
         constants: Option<ThresholdConstants>,
-        blind_leaks: Vec<f64>,
     ) -> Self {
+        let Assembly {
+            problem,
+            options,
+            main,
+            ..
+        } = *assembly;
         let held = options.filter.realisation != RealisationType::DiscreteObserver;
-        Self {
+        let achieved = assembly.achieved();
+        let mut report = Self {
             gain: main.gain.clone(),
             v: main.v.clone(),
             certificate: main.certificate.clone(),
-            optimum: main.optimum,
+            continuous: main.continuous.clone(),
+            optimum: main.weighted.and_then(|(_, optimum)| optimum),
             detectable: detectable(problem, main, filter),
             constants,
             command_leak: held.then(|| command_leak(problem, &filter.observer)),
-            blind_leaks,
-            missing_guarantee: missing_guarantee(options, main),
+            blind_leaks: assembly.blind.iter().map(|checked| checked.leak).collect(),
+            missing_guarantee: match assembly.guarantee {
+                Guarantee::Complete => None,
+                Guarantee::Probable => {
+                    Some("noise has no bound: the thresholds hold with a probability only".to_owned())
+                }
+                Guarantee::None(reason) => Some(reason.clone()),
+            },
+            warnings: Vec::new(),
+            achieved,
+        };
+        report.warnings = report.faults_out_of_sight(problem, options);
+        if problem.window.is_none() && options.evaluation.threshold == ThresholdType::Guaranteed {
+            report.warnings.push(
+                "`evaluation.window` = \"cumulative\": the threshold of the energy grows with time, in the long run no \
+                 fault exceeds it"
+                    .to_owned(),
+            );
         }
+        report
+    }
+
+    /// Faults of which no size within the declared bound is sure to be seen.
+    fn faults_out_of_sight(&self, problem: &Problem, options: &HinfFilterOptions) -> Vec<String> {
+        if options.isolation.is_none() {
+            return Vec::new();
+        }
+        let faults = self.achieved.faults.iter().zip(problem.faults.bound.iter());
+        faults
+            .filter_map(|(fault, bound)| {
+                let size = fault.detectable.filter(|size| size > bound)?;
+                Some(format!(
+                    "the fault {} is sure to be seen from {size:.4e} on, which is above its declared bound {bound:.4e}",
+                    fault.fault
+                ))
+            })
+            .collect()
     }
 
     /// Names and values for people.
@@ -113,7 +171,10 @@ impl Report {
             ));
         }
         if let Some(detectable) = &self.detectable {
-            notes.push(("smallest constant faults sure to be seen", list(detectable)));
+            notes.push((
+                "constant faults sure to be seen for as long as they last",
+                list(detectable),
+            ));
         }
         if let Some(leak) = self.command_leak {
             notes.push((
@@ -136,7 +197,7 @@ impl Report {
 }
 
 /// f_min,j = 2 min_i ρ_i / |V T_rf(1)|_ij.
-fn detectable(problem: &Problem, main: &MainDesign, filter: &ResidualFilter) -> Option<Vec<f64>> {
+fn detectable(problem: &Problem, main: &MainFilter, filter: &ResidualFilter) -> Option<Vec<f64>> {
     let Threshold::Guaranteed(bounds) = &filter.threshold else {
         return None;
     };
@@ -180,19 +241,19 @@ fn command_leak(problem: &Problem, observer: &Observer) -> f64 {
     largest
 }
 
-/// Whether the thresholds hold without exception; otherwise why not.
-fn missing_guarantee(options: &HinfFilterOptions, main: &MainDesign) -> Option<String> {
-    if let Some(reason) = &main.certificate.uncertified {
-        return Some(format!("the gain is uncertified: {reason}"));
+/// What the thresholds are worth.
+pub(super) fn guarantee(options: &HinfFilterOptions, main: &MainFilter) -> Guarantee {
+    if let Some((label, reason)) = main.uncertified() {
+        return Guarantee::None(format!("the gain is {label}: {reason}"));
     }
     if options.evaluation.threshold == ThresholdType::Constant {
-        return Some("the threshold is a constant".to_owned());
+        return Guarantee::None("the threshold is a constant".to_owned());
     }
     if options.filter.realisation != RealisationType::DiscreteObserver {
-        return Some("this realisation leaks commands into the residual".to_owned());
+        return Guarantee::None("this realisation leaks commands into the residual".to_owned());
     }
-    if !options.disturbance.noise_std.is_empty() {
-        return Some("noise has no bound: the thresholds hold with a probability only".to_owned());
+    match options.disturbance.noise_std.is_empty() {
+        true => Guarantee::Complete,
+        false => Guarantee::Probable,
     }
-    None
 }

@@ -1,9 +1,13 @@
 //! Gains without a solver for matrix inequalities: the Riccati co-inner-outer design and its matched special case
 //! (method sheet 3.2).
 
-use super::plant::{Plant, SampledPlant, beside};
+use super::{
+    certificate::{Gain, Time},
+    plant::{Plant, SampledPlant, beside},
+};
 use crate::decomposition::SingularDecomposition;
-use crate::riccati::{Covariances, RiccatiError, RiccatiSolution, care, dare};
+use crate::norms::{System, h_infinity_continuous, h_infinity_discrete};
+use crate::riccati::{Covariances, RiccatiError, RiccatiSolution, care, care_at, dare, dare_at};
 use nalgebra::{DMatrix, DVector};
 
 /// Relative size of the process noise that is added once if the first attempt does not stabilise.
@@ -35,6 +39,44 @@ impl Weighted {
         Self {
             b: beside(&[&self.b, b]),
             d: beside(&[&self.d, d]),
+        }
+    }
+}
+
+/// Q = Bw Bw', S = Bw Dw', R = Dw Dw'.
+struct Products {
+    q: DMatrix<f64>,
+    s: DMatrix<f64>,
+    r: DMatrix<f64>,
+}
+
+impl Weighted {
+    fn products(&self) -> Products {
+        Products {
+            q: &self.b * self.b.transpose(),
+            s: &self.b * self.d.transpose(),
+            r: &self.d * self.d.transpose(),
+        }
+    }
+}
+
+impl Products {
+    fn covariances(&self) -> Covariances<'_> {
+        Covariances {
+            q: &self.q,
+            s: &self.s,
+            r: &self.r,
+        }
+    }
+
+    /// With a little process noise, relative to what enters by `disturbance`.
+    fn regularised(&self, disturbance: &DMatrix<f64>) -> Self {
+        let n = self.q.nrows();
+        let size = REGULARISATION * SingularDecomposition::new(disturbance).largest();
+        Self {
+            q: &self.q + DMatrix::identity(n, n) * (size * size),
+            s: self.s.clone(),
+            r: self.r.clone(),
         }
     }
 }
@@ -82,20 +124,12 @@ fn design(
     disturbance: &DMatrix<f64>,
     equation: Equation,
 ) -> Result<RiccatiDesign, RiccatiError> {
-    let n = a.nrows();
-    let (s, r) = (
-        &weighted.b * weighted.d.transpose(),
-        &weighted.d * weighted.d.transpose(),
-    );
-    let q = &weighted.b * weighted.b.transpose();
-    let noise = Covariances { q: &q, s: &s, r: &r };
-    let solution = equation(a, c, noise).or_else(|error| {
+    let products = weighted.products();
+    let solution = equation(a, c, products.covariances()).or_else(|error| {
         if matches!(error, RiccatiError::SingularNoise { .. }) {
             return Err(error);
         }
-        let size = REGULARISATION * SingularDecomposition::new(disturbance).largest();
-        let q = &q + DMatrix::identity(n, n) * (size * size);
-        equation(a, c, Covariances { q: &q, s: &s, r: &r })
+        equation(a, c, products.regularised(disturbance).covariances())
     })?;
     let (v, largest) = inverse_root(&solution.omega);
     Ok(RiccatiDesign {
@@ -113,6 +147,73 @@ fn inverse_root(omega: &DMatrix<f64>) -> (DMatrix<f64>, f64) {
         &decomposition.v * DMatrix::from_diagonal(&decomposition.sigma.map(|value| value.powf(-0.5)));
     let root = scaled * decomposition.v.transpose();
     ((&root + root.transpose()) / 2.0, decomposition.largest())
+}
+
+/// How well a gain agrees with a Π that is said to belong to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct RiccatiCheck {
+    /// Relative residual of the equation at Π, with or without the process noise of a second attempt.
+    pub residual: f64,
+    /// Deviation of the gain from that of Π, relative, and of V Ω V' from I.
+    pub deviation: f64,
+    /// ‖T_rw‖∞.
+    pub norm: f64,
+    /// √λ_max(Ω): no gain has a smaller ‖T_rw‖∞; none if Π is that of a second attempt with more noise.
+    pub optimum: Option<f64>,
+}
+
+/// Puts Π (n x n) into the equation of the gain's time domain: no equation is solved.
+pub(super) fn check_riccati(
+    plant: &Plant,
+    sampled: &SampledPlant,
+    gain: &Gain,
+    weighted: &Weighted,
+    pi: &DMatrix<f64>,
+) -> Result<RiccatiCheck, RiccatiError> {
+    let (a, input) = match gain.time {
+        Time::Continuous => (&plant.a, &plant.bd),
+        Time::Discrete => (&sampled.ad, &sampled.bdd),
+    };
+    let at = |products: &Products| match gain.time {
+        Time::Continuous => care_at(a, &plant.c, products.covariances(), pi.clone()),
+        Time::Discrete => dare_at(a, &plant.c, products.covariances(), pi.clone()),
+    };
+    let products = weighted.products();
+    let (plain, regularised) = (at(&products)?, at(&products.regularised(input))?);
+    let second_attempt = regularised.residual < plain.residual;
+    let solution = if second_attempt { regularised } else { plain };
+    let of_gain = (&gain.matrix - &solution.gain).amax() / solution.gain.amax().max(f64::MIN_POSITIVE);
+    let of_filter = match gain.v.ncols() == solution.omega.nrows() {
+        true => &gain.v * &solution.omega * gain.v.transpose(),
+        false => DMatrix::zeros(gain.v.nrows(), gain.v.nrows()),
+    };
+    let of_filter = (of_filter - DMatrix::identity(gain.v.nrows(), gain.v.nrows())).amax();
+    let system = System::new(
+        &(a - &gain.matrix * &plant.c),
+        &(&weighted.b - &gain.matrix * &weighted.d),
+        &plant.c,
+        &weighted.d,
+    );
+    let norm = match gain.time {
+        Time::Continuous => h_infinity_continuous(&system),
+        Time::Discrete => h_infinity_discrete(&system),
+    };
+    Ok(RiccatiCheck {
+        residual: solution.residual,
+        deviation: of_gain.max(of_filter),
+        norm: norm.value,
+        optimum: (!second_attempt).then(|| SingularDecomposition::new(&solution.omega).largest().sqrt()),
+    })
+}
+
+/// How far a gain is from T_rd ≡ Dd: the largest entry of B - L Dd relative to that of B.
+pub(super) fn matched_rest(plant: &Plant, sampled: &SampledPlant, gain: &Gain) -> f64 {
+    let input = match gain.time {
+        Time::Continuous => &plant.bd,
+        Time::Discrete => &sampled.bdd,
+    };
+    let rest = (input - &gain.matrix * &plant.dd).amax();
+    if rest == 0.0 { 0.0 } else { rest / input.amax() }
 }
 
 /// √λ_max(Ω) of the unweighted discrete problem with a little noise: no gain has a smaller ‖T_rd‖∞, up to 0.2 %

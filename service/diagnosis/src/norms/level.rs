@@ -15,13 +15,10 @@ const ROUNDS: usize = 60;
 /// ‖G‖∞ = sup over ω of σ_max G(jω) of a continuous-time system; infinite if it is not stable.
 pub fn h_infinity_continuous(system: &System) -> Norm {
     let Some(poles) = eigenvalues(&system.a) else {
-        return Norm {
-            value: f64::INFINITY,
-            confirmed: false,
-        };
+        return Norm::unconfirmed(f64::INFINITY, 0.0, f64::INFINITY);
     };
     if poles.iter().any(|pole| !(pole.re < 0.0)) {
-        return Norm::proven(f64::INFINITY);
+        return Norm::infinite();
     }
     let gain = |omega: f64| system.gains(omega).map_or(f64::INFINITY, |gains| gains.1);
     let largest = |frequencies: &[f64]| frequencies.iter().map(|omega| gain(*omega)).fold(0.0, f64::max);
@@ -32,10 +29,8 @@ pub fn h_infinity_continuous(system: &System) -> Norm {
         }
         let level = best * (1.0 + STEP);
         let Some(crossings) = crossings(system, level) else {
-            return Norm {
-                value: best.max(largest(&dense_grid(&poles))),
-                confirmed: false,
-            };
+            let value = best.max(largest(&dense_grid(&poles)));
+            return Norm::unconfirmed(value, value, f64::INFINITY);
         };
         let above = if crossings.len() < 2 {
             0.0
@@ -47,13 +42,13 @@ pub fn h_infinity_continuous(system: &System) -> Norm {
         }
         best = above;
     }
-    Norm::proven(best)
+    Norm::proven(best, best, best * (1.0 + STEP))
 }
 
 /// ‖G‖∞ over the unit circle of a discrete-time system; infinite if it is not stable.
 pub fn h_infinity_discrete(system: &System) -> Norm {
     match system.bilinear() {
         Some(continuous) => h_infinity_continuous(&continuous),
-        None => Norm::proven(f64::INFINITY),
+        None => Norm::infinite(),
     }
 }

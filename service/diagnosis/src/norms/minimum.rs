@@ -24,7 +24,7 @@ const SECTIONS: usize = 48;
 /// It is 0 with more inputs than outputs. Without a band the infimum includes ω = ∞, that is σ_min(D).
 pub fn h_minus_continuous(system: &System, band: Option<f64>) -> Norm {
     if system.b.ncols() > system.c.nrows() {
-        return Norm::proven(0.0);
+        return Norm::proven(0.0, 0.0, 0.0);
     }
     match band {
         Some(edge) => over_band(system, edge),
@@ -36,10 +36,7 @@ pub fn h_minus_continuous(system: &System, band: Option<f64>) -> Norm {
 pub fn h_minus_discrete(system: &System, band: Option<f64>) -> Norm {
     match system.bilinear() {
         Some(continuous) => h_minus_continuous(&continuous, band.map(|angle| (angle / 2.0).tan())),
-        None => Norm {
-            value: 0.0,
-            confirmed: false,
-        },
+        None => Norm::unconfirmed(0.0, 0.0, f64::INFINITY),
     }
 }
 
@@ -55,10 +52,7 @@ fn over_all(system: &System) -> Norm {
             .fold(f64::INFINITY, f64::min)
     };
     let Some(poles) = eigenvalues(&system.a) else {
-        return Norm {
-            value: 0.0,
-            confirmed: false,
-        };
+        return Norm::unconfirmed(0.0, 0.0, f64::INFINITY);
     };
     let first = candidates(&poles);
     let largest = first
@@ -69,14 +63,12 @@ fn over_all(system: &System) -> Norm {
     let mut best = smallest(&first);
     for _ in 0..ROUNDS {
         if best <= ZERO * largest {
-            return Norm::proven(0.0);
+            return Norm::proven(0.0, 0.0, best);
         }
         let level = best * (1.0 - STEP);
         let Some(crossings) = crossings(system, level) else {
-            return Norm {
-                value: best.min(smallest(&dense_grid(&poles))),
-                confirmed: false,
-            };
+            let value = best.min(smallest(&dense_grid(&poles)));
+            return Norm::unconfirmed(value, 0.0, value);
         };
         let below = if crossings.is_empty() {
             f64::INFINITY
@@ -88,7 +80,7 @@ fn over_all(system: &System) -> Norm {
         }
         best = below;
     }
-    Norm::proven(best)
+    Norm::proven(best, best * (1.0 - STEP), best)
 }
 
 /// A grid with both ends, and a golden-section search in the best cells.
@@ -106,10 +98,7 @@ fn over_band(system: &System, edge: f64) -> Norm {
         let high = frequencies[(i + 1).min(frequencies.len() - 1)];
         best.min(golden_section(|omega| smallest_gain(system, omega), low, high))
     });
-    Norm {
-        value,
-        confirmed: false,
-    }
+    Norm::unconfirmed(value, 0.0, value)
 }
 
 fn golden_section(value: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {

@@ -31,15 +31,35 @@ pub use window::WindowConstants;
 pub struct Norm {
     /// The norm; infinite if the system is not stable.
     pub value: f64,
+    /// It is no smaller than this.
+    pub lower: f64,
+    /// And no larger: for H∞ the level that nothing crosses.
+    pub upper: f64,
     /// False if the eigenvalues of a Hamiltonian did not converge: the value is then the best of a dense grid.
     pub confirmed: bool,
 }
 
 impl Norm {
-    fn proven(value: f64) -> Self {
+    fn proven(value: f64, lower: f64, upper: f64) -> Self {
         Self {
             value,
+            lower,
+            upper,
             confirmed: true,
         }
+    }
+
+    fn unconfirmed(value: f64, lower: f64, upper: f64) -> Self {
+        Self {
+            value,
+            lower,
+            upper,
+            confirmed: false,
+        }
+    }
+
+    /// Of a system that is not stable.
+    fn infinite() -> Self {
+        Self::proven(f64::INFINITY, f64::INFINITY, f64::INFINITY)
     }
 }

@@ -37,6 +37,16 @@ impl System {
         }
     }
 
+    /// V G for a constant V.
+    pub fn filtered(&self, v: &DMatrix<f64>) -> Self {
+        Self {
+            a: self.a.clone(),
+            b: self.b.clone(),
+            c: v * &self.c,
+            d: v * &self.d,
+        }
+    }
+
     /// G(s) = C (sI - A)⁻¹ B + D at a complex s in the real embedding \[Re, -Im; Im, Re\], which has every singular
     /// value twice; `None` at a pole.
     pub fn response(&self, s: Complex<f64>) -> Option<DMatrix<f64>> {

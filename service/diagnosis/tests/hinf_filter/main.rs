@@ -6,8 +6,10 @@
 #[path = "../support/mod.rs"]
 mod support;
 
+mod achieved;
 mod claims;
 mod detection_times;
+mod gains;
 mod guarantee;
 mod kernels;
 mod mistakes;

@@ -448,14 +448,83 @@ fn banks_that_cannot_isolate() {
 }
 
 #[test]
-fn designs_by_matrix_inequalities_are_named_as_unknown() {
-    for kind in ["lmi_paper", "lmi_two_stage_dt", "lmi_mixed"] {
+fn designs_by_matrix_inequalities_need_a_solver() {
+    for kind in ["lmi_paper", "lmi_two_stage_dt", "lmi_two_stage_ct", "lmi_mixed"] {
         let text = with(&format!("[synthesis]\ntype = \"{kind}\"\n"));
-        let error = toml::from_str::<HinfFilterOptions>(&text)
-            .unwrap_err()
-            .to_string();
-        for word in [kind, "riccati_dt", "riccati_ct", "matched", "given"] {
-            assert!(error.contains(word), "{error}");
-        }
+        let options: HinfFilterOptions = toml::from_str(&text).unwrap();
+        options.validate(0.01).unwrap();
+        assert_eq!(options.needs_solver().unwrap().key, "synthesis.type");
+        assert_refused(&text, "synthesis.type", &[kind, "residuald design", "riccati_dt"]);
     }
+    let options: HinfFilterOptions = toml::from_str(&with("")).unwrap();
+    assert_eq!(options.needs_solver(), None);
+}
+
+#[test]
+fn keys_of_the_synthesis_that_do_not_belong_to_its_type() {
+    for (tables, key, word) in [
+        ("type = \"riccati_dt\"\nslack = 0.01", "slack", "lmi_two_stage_dt"),
+        ("type = \"lmi_mixed\"\nslack = 0.01", "slack", "lmi_two_stage_ct"),
+        ("type = \"lmi_two_stage_dt\"\nslack = 2.0", "slack", "at most 1"),
+        ("type = \"lmi_two_stage_dt\"\nslack = -0.1", "slack", "positive"),
+        (
+            "type = \"lmi_two_stage_dt\"\npole_radius = 10.0",
+            "pole_radius",
+            "radius_z",
+        ),
+        (
+            "type = \"lmi_two_stage_ct\"\nradius_z = 0.9",
+            "radius_z",
+            "pole_radius",
+        ),
+        (
+            "type = \"lmi_two_stage_dt\"\nradius_z = 1.0",
+            "radius_z",
+            "below 1",
+        ),
+        (
+            "type = \"lmi_two_stage_ct\"\npole_decay = 3.0\npole_radius = 2.0",
+            "pole_decay",
+            "smaller",
+        ),
+        (
+            "type = \"lmi_paper\"\npole_decay = 3.0",
+            "pole_decay",
+            "lmi_mixed",
+        ),
+        ("type = \"riccati_ct\"\npole_decay = 3.0", "pole_decay", "given"),
+        (
+            "type = \"lmi_mixed\"\nrecovery = \"sound\"",
+            "recovery",
+            "lmi_paper",
+        ),
+        ("normalisation = \"printed\"", "normalisation", "lmi_paper"),
+        (
+            "type = \"lmi_paper\"\nclaimed_bound = 1.0",
+            "claimed_bound",
+            "given",
+        ),
+    ] {
+        assert_refused(
+            &with(&format!("[synthesis]\n{tables}\n")),
+            &format!("synthesis.{key}"),
+            &[word],
+        );
+    }
+    let silent = replaced("Dd = [[0.02], [0.02]]", "Dd = [[0], [0]]");
+    for kind in ["lmi_two_stage_ct", "lmi_mixed", "lmi_paper"] {
+        let text = format!("{silent}[synthesis]\ntype = \"{kind}\"\n");
+        assert_refused(
+            &text,
+            "synthesis.type",
+            &["larger and larger gains", "pole_radius"],
+        );
+    }
+    let bounded = format!("{silent}[synthesis]\ntype = \"lmi_two_stage_ct\"\npole_radius = 50.0\n");
+    toml::from_str::<HinfFilterOptions>(&bounded)
+        .unwrap()
+        .validate(0.01)
+        .unwrap();
+    let held = with("[synthesis]\ntype = \"lmi_two_stage_dt\"\n[filter]\nrealisation = \"filter_foh\"\n");
+    assert_refused(&held, "filter.realisation", &["continuous"]);
 }

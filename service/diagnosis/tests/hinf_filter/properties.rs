@@ -9,6 +9,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use residual_diagnosis::{
     decomposition::{SingularDecomposition, eigenvalues},
+    lyapunov,
     norms::{
         System, WindowConstants, h_infinity_continuous, h_infinity_discrete, h_minus_continuous,
         initial_error_gain_continuous,
@@ -25,7 +26,7 @@ fn random_matrix(generator: &mut ChaCha8Rng, rows: usize, columns: usize) -> DMa
 fn doubling_solves_both_equations_on_200_random_plants() {
     let mut generator = ChaCha8Rng::seed_from_u64(1);
     for round in 0..200 {
-        let (n, q) = (1 + round % 6, 1 + round % 3);
+        let (n, q) = (2 + round % 11, 2 + round % 4);
         // Spectral radius 0.6 to 1.2: a third of them is unstable.
         let a = random_matrix(&mut generator, n, n);
         let a = &a * (generator.random_range(0.6..1.2) / spectral_radius(&a).unwrap().max(1e-3));
@@ -36,13 +37,69 @@ fn doubling_solves_both_equations_on_200_random_plants() {
         );
         let (q, s, r) = (&b * b.transpose(), &b * d.transpose(), &d * d.transpose());
         let noise = Covariances { q: &q, s: &s, r: &r };
-        for solution in [dare(&a, &c, noise).unwrap(), care(&a, &c, noise).unwrap()] {
+        let (discrete, continuous) = (dare(&a, &c, noise).unwrap(), care(&a, &c, noise).unwrap());
+        // The residual once more, from the equations themselves.
+        let pi = &discrete.pi;
+        let cross = &a * pi * c.transpose() + &s;
+        let omega = &r + &c * pi * c.transpose();
+        let rest =
+            &a * pi * a.transpose() + &q - &cross * omega.try_inverse().unwrap() * cross.transpose() - pi;
+        assert!(
+            rest.amax() <= 1e-8 * pi.amax().max(q.amax()),
+            "{round}: {}",
+            rest.amax()
+        );
+        let pi = &continuous.pi;
+        let cross = pi * c.transpose() + &s;
+        let loss = &cross * r.clone().try_inverse().unwrap() * cross.transpose();
+        let rest = &a * pi + pi * a.transpose() + &q - &loss;
+        assert!(
+            rest.amax() <= 1e-8 * loss.amax().max(q.amax()),
+            "{round}: {}",
+            rest.amax()
+        );
+        for solution in [discrete, continuous] {
             assert!(solution.residual <= 1e-8, "{round}: {}", solution.residual);
             let smallest = solution.pi.symmetric_eigenvalues().min();
             assert!(
                 smallest >= -1e-9 * solution.pi.amax(),
                 "{round}: Π is not positive semidefinite"
             );
+        }
+    }
+}
+
+#[test]
+fn lyapunov_equations_of_200_random_stable_matrices_leave_no_residual() {
+    let mut generator = ChaCha8Rng::seed_from_u64(11);
+    for round in 0..200 {
+        let n = 2 + round % 11;
+        let a = random_matrix(&mut generator, n, n);
+        let factor = random_matrix(&mut generator, n, n);
+        let q = &factor * factor.transpose();
+        let schur = &a * (generator.random_range(0.3..0.999) / spectral_radius(&a).unwrap());
+        let x = lyapunov::discrete(&schur, &q).unwrap();
+        assert!(
+            (&schur * &x * schur.transpose() + &q - &x).amax() <= 1e-10 * x.amax(),
+            "{round}"
+        );
+        let worst = eigenvalues(&a)
+            .unwrap()
+            .iter()
+            .map(|pole| pole.re)
+            .fold(f64::MIN, f64::max);
+        let hurwitz = a - DMatrix::identity(n, n) * (worst + generator.random_range(0.001..1.0));
+        let x = lyapunov::continuous(&hurwitz, &q).unwrap();
+        let flow = &hurwitz * &x;
+        assert!(
+            (&flow + flow.transpose() + &q).amax() <= 1e-9 * flow.amax().max(q.amax()),
+            "{round}"
+        );
+        for x in [
+            lyapunov::discrete(&(schur * 4.0), &q),
+            lyapunov::continuous(&-hurwitz, &q),
+        ] {
+            assert!(x.is_none(), "{round}: no solution of an unstable matrix");
         }
     }
 }
@@ -106,7 +163,7 @@ fn every_stabilising_gain_obeys_the_limits_of_the_direct_terms() {
 fn level_sets_agree_with_a_dense_grid_on_random_systems() {
     let mut generator = ChaCha8Rng::seed_from_u64(3);
     for round in 0..100 {
-        let (n, m) = (1 + round % 5, 1 + round % 3);
+        let (n, m) = (2 + round % 11, 1 + round % 3);
         let q = m + round % 2;
         let a = random_matrix(&mut generator, n, n) * 3.0;
         let worst = eigenvalues(&a)
@@ -130,6 +187,11 @@ fn level_sets_agree_with_a_dense_grid_on_random_systems() {
         }
         let (largest, smallest) = (h_infinity_continuous(&system), h_minus_continuous(&system, None));
         assert!(largest.confirmed && smallest.confirmed, "{round}");
+        assert!(
+            high <= largest.upper && largest.upper - largest.lower <= 3e-10 * largest.value,
+            "{round}"
+        );
+        assert!(smallest.lower <= low && smallest.upper - smallest.lower <= 3e-9 * smallest.value.max(1e-3));
         let (largest, smallest) = (largest.value, smallest.value);
         assert!(
             largest >= high * (1.0 - 1e-8) && largest <= high * 1.01,

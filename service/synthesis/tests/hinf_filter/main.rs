@@ -7,6 +7,7 @@
 mod files;
 
 mod assembly;
+mod designs;
 mod mixed;
 mod paper_facts;
 mod paper_synthesis;
