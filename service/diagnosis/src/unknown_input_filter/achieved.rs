@@ -8,13 +8,12 @@ use super::{
     mode_filter::ModeFilter,
     modes::FaultMode,
     options::{Form, UnknownInputFilterOptions},
-    sensitivity::{ModeFloors, Sizes, certificate_floor, sizes},
+    sensitivity::{ModeFloors, Sizes, sizes},
     settled::{Settled, settle},
 };
 use crate::{
     achieved::{
-        Achieved, Delay, FalseAlarms, FaultSensitivity, Inequality, Norm, Poles, Separation, Threshold,
-        TimeDomain,
+        Achieved, Delay, FalseAlarms, FaultSensitivity, Inequality, Norm, Poles, Separation, TimeDomain,
     },
     matrix::Matrix,
     model::LinearModel,
@@ -81,7 +80,7 @@ impl<'a> Inspection<'a> {
     }
 
     /// The filters with what they settle to.
-    fn filters(&self) -> impl Iterator<Item = (&Mode, &ModeFilter, Option<&Settled>)> {
+    pub fn filters(&self) -> impl Iterator<Item = (&Mode, &ModeFilter, Option<&Settled>)> {
         let modes = self.bank.modes.iter().zip(&self.settled);
         modes.filter_map(|(mode, settled)| Some((mode, mode.filter.as_ref()?, settled.as_ref())))
     }
@@ -240,90 +239,5 @@ impl<'a> Inspection<'a> {
                 instants: pair.samples.map(|samples| samples as u64),
             })
             .collect()
-    }
-
-    fn thresholds(&self) -> Vec<Threshold> {
-        let mut all = Vec::new();
-        for (mode, filter, settled) in self.filters() {
-            let prefix = format!("mode_{}", mode.mode.label());
-            let Some(settled) = settled else { continue };
-            for (j, half_width) in settled.outputs.iter().enumerate() {
-                all.push(self.row(
-                    format!("{prefix}_output_{j}"),
-                    *half_width,
-                    settled,
-                    filter.responses(&self.bank.plant, j).filter(|_| !settled.grows),
-                    mode.mode,
-                ));
-            }
-            let others = mode.mode.other_actuators(self.model.actuator_count());
-            for (j, half_width) in others.zip(&settled.matched) {
-                all.push(self.row(
-                    format!("{prefix}_matched_{j}"),
-                    *half_width,
-                    settled,
-                    None,
-                    mode.mode,
-                ));
-            }
-            if let Some(norm) = settled.norm {
-                all.push(self.row(format!("{prefix}_norm"), Some(norm), settled, None, mode.mode));
-            }
-            for test in &mode.parity {
-                let floor = certificate_floor(test, &self.bank.nominal.state);
-                all.push(Threshold {
-                    channel: format!("{prefix}_parity_{}_{}", test.fault(), test.length()),
-                    settled: test.half_width_at(&self.bank.nominal.state),
-                    never_fires: self.inert(test.fault(), floor),
-                });
-            }
-        }
-        all
-    }
-
-    /// The threshold of a test row; `responses` to unit faults of all actuators where they are known.
-    fn row(
-        &self,
-        channel: String,
-        half_width: Option<f64>,
-        settled: &Settled,
-        responses: Option<Vec<f64>>,
-        mode: FaultMode,
-    ) -> Threshold {
-        let never_fires = match half_width {
-            None => Some(
-                "blind: the faults of the mode reach this output alone, so that nothing is left to test"
-                    .to_owned(),
-            ),
-            Some(_) if settled.grows => {
-                Some("the set of the filter grows without end, and this bound with it".to_owned())
-            }
-            Some(half_width) => responses.and_then(|responses| self.inert_row(mode, half_width, &responses)),
-        };
-        Threshold {
-            channel,
-            settled: half_width.unwrap_or(0.0),
-            never_fires,
-        }
-    }
-
-    /// Why a row is sure of no fault of interest.
-    fn inert_row(&self, mode: FaultMode, half_width: f64, responses: &[f64]) -> Option<String> {
-        let others: Vec<usize> = mode.other_actuators(responses.len()).collect();
-        let floors = others.iter().map(|&j| (j, 2.0 * half_width / responses[j].abs()));
-        let mut reasons = floors.map(|(j, floor)| self.inert(j, floor));
-        let first = reasons.next()??;
-        reasons.all(|reason| reason.is_some()).then_some(first)
-    }
-
-    /// Why a test that is sure to see only faults from `floor` on is inert.
-    fn inert(&self, actuator: usize, floor: f64) -> Option<String> {
-        let interest = *self.options.filter.fault_of_interest.as_ref()?.get(actuator)?;
-        (floor > interest).then(|| {
-            let actuator = &self.model.actuators()[actuator].name;
-            format!(
-                "inert: no fault of {actuator} as small as `filter.fault_of_interest` is certain to exceed it"
-            )
-        })
     }
 }

@@ -39,6 +39,7 @@ mod settled;
 mod state;
 mod strip_reset;
 pub mod tables;
+mod thresholds;
 mod workspace;
 
 pub use bank::UnknownInputFilterBank;
