@@ -1,8 +1,8 @@
 //! Time and certainty of the syntheses by matrix inequalities on random plants.
 //!
 //! `cargo bench -p residual-benches --bench synthesis` prints a table: order n of the plant, problem, median and
-//! longest processor time over the plants, most iterations, the solver's words, and the least margin of the certificates (smallest
-//! eigenvalue of the strict inequality with a unit diagonal).
+//! longest processor time over the plants, most iterations, least margin of the certificates (smallest eigenvalue of the
+//! strict inequality with a unit diagonal; none where the synthesis returns no certificate), the solver's words.
 #![allow(missing_docs, clippy::unwrap_used)]
 
 use nalgebra::DMatrix;
@@ -162,9 +162,14 @@ fn main() {
             }
             times.sort();
             println!(
-                "{n:>3} {name:27} {:>7.1} ms {:>6.1} ms {iterations:>6} {least:>9.1e}  {}",
+                "{n:>3} {name:27} {:>7.1} ms {:>6.1} ms {iterations:>6} {:>9}  {}",
                 times[times.len() / 2].as_secs_f64() * 1e3,
                 times[times.len() - 1].as_secs_f64() * 1e3,
+                if least.is_finite() {
+                    format!("{least:.1e}")
+                } else {
+                    "none".to_owned()
+                },
                 words.into_iter().collect::<Vec<_>>().join(", ")
             );
         }
