@@ -17,7 +17,7 @@ const WRITE_AGAIN: &str = "write the file again with `residuald design`";
 /// Why the gains of one diagnoser are refused.
 enum Rejection {
     /// By the file's own word, in this entry where there is one.
-    File(Option<usize>, GainsError),
+    File(Option<usize>, Box<GainsError>),
     /// By the method, in this entry.
     Method(usize, Refusal),
 }
@@ -134,8 +134,8 @@ pub fn read(path: &Path) -> Result<String, String> {
 fn construct(file: &GainsFile, diagnoser: &DiagnoserConfiguration) -> Result<Designed, Rejection> {
     let (index, entry) = file
         .entry(&diagnoser.name)
-        .map_err(|error| Rejection::File(None, error))?;
-    let rejected = |error| Rejection::File(Some(index), error);
+        .map_err(|error| Rejection::File(None, Box::new(error)))?;
+    let rejected = |error| Rejection::File(Some(index), Box::new(error));
     let refused = |refusal| Rejection::Method(index, refusal);
     let (method, sample_time_s) = (&diagnoser.method, diagnoser.sample_time_s());
     let inputs = method.hash_of_inputs(sample_time_s).map_err(refused)?;
