@@ -2,10 +2,11 @@
 
 use super::{
     HinfFilter, construction::METHOD, error::HinfFilterError, find::find_gains, gains::HinfFilterGains,
-    options::HinfFilterOptions, problem::Problem,
+    options::HinfFilterOptions, problem::Problem, responses::responses,
 };
 use crate::gains::FoundGains;
 use crate::method::{Designed, MethodOptions, Refusal};
+use crate::response::Response;
 
 impl From<HinfFilterError> for Refusal {
     fn from(error: HinfFilterError) -> Self {
@@ -66,5 +67,11 @@ impl MethodOptions for HinfFilterOptions {
             diagnoser: Box::new(filter),
             warnings,
         })
+    }
+
+    fn responses(&self, sample_time_s: f64, gains: &HinfFilterGains) -> Result<Vec<Response>, Refusal> {
+        let problem = Problem::new(self, sample_time_s)?;
+        let filter = HinfFilter::with_gains(self, sample_time_s, gains)?;
+        Ok(responses(&problem, self.filter.realisation, filter.report()))
     }
 }

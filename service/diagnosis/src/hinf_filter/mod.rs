@@ -50,6 +50,7 @@ pub mod problem;
 mod reading;
 pub mod realisation;
 mod report;
+mod responses;
 mod rounding;
 mod sensitivity;
 pub mod synthesis;

@@ -246,3 +246,18 @@ fn an_uncertified_gain_runs_only_if_allowed_and_says_so_everywhere() {
             .all(|fault| fault.assurance == 0.0)
     );
 }
+
+#[test]
+fn the_largest_gain_over_all_frequencies_is_the_norm_that_is_stated() {
+    let (options, gains) = complete();
+    let achieved = options.with_gains(TS, &gains).unwrap().achieved;
+    let responses = options.responses(TS, &gains).unwrap();
+    let largest = (0..20_000)
+        .filter_map(|i| responses[0].singular_values(f64::from(i) / 20_000.0 * std::f64::consts::PI / TS))
+        .fold(0.0_f64, |most, (_, gain)| most.max(gain));
+    let stated = achieved
+        .norms
+        .iter()
+        .any(|norm| (norm.value / largest - 1.0).abs() < 1e-6);
+    assert!(stated, "{largest} in {:?}", achieved.norms);
+}
