@@ -150,8 +150,8 @@ fn shifted_decomposition(symmetric: &DMatrix<f64>) -> (DVector<f64>, DMatrix<f64
     (decomposition.sigma.add_scalar(-shift), decomposition.v)
 }
 
-/// Eigenvalues; `None` if the iteration does not converge even after a change by rounding errors, which breaks
-/// the symmetries on which it can stall.
+/// Eigenvalues; `None` if they overflow, or if the iteration does not converge even after a change by rounding errors,
+/// which breaks the symmetries on which it can stall.
 pub fn eigenvalues(matrix: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     const ITERATIONS: usize = 10_000;
     if matrix.is_empty() {
@@ -163,7 +163,11 @@ pub fn eigenvalues(matrix: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
         matrix.map_with_location(|i, j, entry| entry + size * ((7 * i + 3 * j + 1) as f64).sin())
     };
     let schur = schur(matrix.clone()).or_else(|| schur(perturbed()))?;
-    Some(schur.complex_eigenvalues().iter().copied().collect())
+    let values: Vec<Complex<f64>> = schur.complex_eigenvalues().iter().copied().collect();
+    let finite = values
+        .iter()
+        .all(|value| value.re.is_finite() && value.im.is_finite());
+    finite.then_some(values)
 }
 
 /// D⁻¹ A D with a diagonal D of powers of two that makes rows and columns of similar size: the same eigenvalues,

@@ -93,4 +93,12 @@ mod tests {
         }
         assert!((spectral_radius(&a).unwrap() - 2.0).abs() < 1e-12);
     }
+
+    #[test]
+    fn a_matrix_that_overflows_has_no_spectral_radius() {
+        for entry in [f64::NAN, f64::INFINITY, 1e300] {
+            let a = DMatrix::from_fn(3, 3, |i, j| if i == j { 1.0 } else { entry * (i + 2 * j) as f64 });
+            assert!(spectral_radius(&a).is_none_or(|radius| radius > 1e200), "{entry}");
+        }
+    }
 }
