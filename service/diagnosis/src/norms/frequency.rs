@@ -44,11 +44,13 @@ pub(super) fn log_spaced(low: f64, high: f64, count: usize) -> impl Iterator<Ite
     (0..count).map(move |i| low * (step * i as f64).exp())
 }
 
-/// Frequencies ω >= 0 at which some singular value of G(jω) equals `level`, in order; `None` if the eigenvalues
-/// do not converge.
+/// Frequencies ω >= 0 among which are all at which some singular value of G(jω) equals `level`, in order; `None` if the
+/// eigenvalues do not converge.
 ///
-/// They are the imaginary eigenvalues of
-/// \[a + b R⁻¹d'c, b R⁻¹b'; -c'(I + d R⁻¹d')c, -(a + b R⁻¹d'c)'\], R = level² I - d'd.
+/// A level is crossed at the imaginary eigenvalues of
+/// \[a + b R⁻¹d'c, b R⁻¹b'; -c'(I + d R⁻¹d')c, -(a + b R⁻¹d'c)'\], R = level² I - d'd. Close to an extreme two of them
+/// meet, and rounding drives them off the axis by the root of its size, or farther where the extreme is flat. So no
+/// eigenvalue is left out for its real part: who asks looks at the gain itself, at these frequencies and between them.
 pub(super) fn crossings(system: &System, level: f64) -> Option<Vec<f64>> {
     let System { a, b, c, d } = system;
     let (n, m, q) = (a.nrows(), b.ncols(), c.nrows());
@@ -69,13 +71,13 @@ pub(super) fn crossings(system: &System, level: f64) -> Option<Vec<f64>> {
         return None;
     }
     let values = robust_eigenvalues(&balanced(&hamiltonian))?;
-    let largest = values.iter().fold(0.0, |most, value| value.norm().max(most));
     let mut found: Vec<f64> = values
         .iter()
-        .filter(|value| value.im >= 0.0 && value.re.abs() <= 1e-8 * (1e-2 * largest + value.norm()))
         .map(|value| value.im)
+        .filter(|omega| *omega >= 0.0)
         .collect();
     found.sort_by(f64::total_cmp);
+    found.dedup();
     Some(found)
 }
 
@@ -101,4 +103,46 @@ fn robust_eigenvalues(matrix: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
             DMatrix::identity(n, n) - &direction * direction.transpose() * (2.0 / direction.norm_squared());
         eigenvalues(&(&reflector * matrix * &reflector))
     })
+}
+
+/// Golden-section steps: the bracket shrinks to 1e-10 of its width.
+const SECTIONS: usize = 48;
+
+/// The smallest value between `low` and `high`, if there is one minimum only.
+pub(super) fn golden_section(value: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
+    let ratio = (5.0_f64.sqrt() - 1.0) / 2.0;
+    let (mut left, mut right) = (high - ratio * (high - low), low + ratio * (high - low));
+    let (mut at_left, mut at_right) = (value(left), value(right));
+    for _ in 0..SECTIONS {
+        if at_left < at_right {
+            (high, right, at_right) = (right, left, at_left);
+            left = high - ratio * (high - low);
+            at_left = value(left);
+        } else {
+            (low, left, at_left) = (left, right, at_right);
+            right = low + ratio * (high - low);
+            at_right = value(right);
+        }
+    }
+    at_left.min(at_right)
+}
+
+/// The smallest value around the best of these frequencies: between its neighbours.
+pub(super) fn refined(value: impl Fn(f64) -> f64, frequencies: &[f64]) -> f64 {
+    let mut sorted: Vec<f64> = frequencies
+        .iter()
+        .copied()
+        .filter(|omega| omega.is_finite())
+        .collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted.dedup();
+    let values: Vec<f64> = sorted.iter().map(|omega| value(*omega)).collect();
+    let Some(best) = (0..values.len()).min_by(|i, j| values[*i].total_cmp(&values[*j])) else {
+        return f64::INFINITY;
+    };
+    let (low, high) = (
+        sorted[best.saturating_sub(1)],
+        sorted[(best + 1).min(sorted.len() - 1)],
+    );
+    golden_section(value, low, high).min(values[best])
 }

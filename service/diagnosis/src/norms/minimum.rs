@@ -2,7 +2,7 @@
 
 use super::{
     Norm,
-    frequency::{between, candidates, crossings, dense_grid, log_spaced},
+    frequency::{between, candidates, crossings, dense_grid, golden_section, log_spaced, refined},
     system::System,
 };
 use crate::decomposition::eigenvalues;
@@ -16,8 +16,6 @@ const ZERO: f64 = 1e-13;
 /// Grid of a finite band, and its cells that are refined.
 const BAND_POINTS: usize = 400;
 const REFINED: usize = 6;
-/// Golden-section steps: the cell shrinks to 1e-10 of its width.
-const SECTIONS: usize = 48;
 
 /// ‖G‖₋ = inf over ω of σ_min G(jω) of a continuous-time system, or over 0 <= ω <= `band` (rad/s).
 ///
@@ -70,11 +68,8 @@ fn over_all(system: &System) -> Norm {
             let value = best.min(smallest(&dense_grid(&poles)));
             return Norm::unconfirmed(value, 0.0, value);
         };
-        let below = if crossings.is_empty() {
-            f64::INFINITY
-        } else {
-            smallest(&between(&crossings))
-        };
+        let seen = [first.as_slice(), &between(&crossings)].concat();
+        let below = smallest(&seen).min(refined(|omega| smallest_gain(system, omega), &seen));
         if !(below < level) {
             break;
         }
@@ -99,24 +94,6 @@ fn over_band(system: &System, edge: f64) -> Norm {
         best.min(golden_section(|omega| smallest_gain(system, omega), low, high))
     });
     Norm::unconfirmed(value, 0.0, value)
-}
-
-fn golden_section(value: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
-    let ratio = (5.0_f64.sqrt() - 1.0) / 2.0;
-    let (mut left, mut right) = (high - ratio * (high - low), low + ratio * (high - low));
-    let (mut at_left, mut at_right) = (value(left), value(right));
-    for _ in 0..SECTIONS {
-        if at_left < at_right {
-            (high, right, at_right) = (right, left, at_left);
-            left = high - ratio * (high - low);
-            at_left = value(left);
-        } else {
-            (low, left, at_left) = (left, right, at_right);
-            right = low + ratio * (high - low);
-            at_right = value(right);
-        }
-    }
-    at_left.min(at_right)
 }
 
 #[cfg(test)]
