@@ -1,6 +1,6 @@
 //! `residuald check`: what a configuration means, or what is wrong with it.
 
-use super::achieved::{false_alarms, never_firing, norm, smallest_faults, smallest_margin};
+use super::achieved::{false_alarms, never_firing, smallest_faults, smallest_margin};
 use super::lines::Lines;
 use crate::configuration::{
     Configuration, DaemonSection, DiagnoserConfiguration, InputConfiguration, RealtimeSection,
@@ -161,9 +161,6 @@ fn diagnoser(
 
 /// What the gains achieve, in short; `residuald explain` says all of it.
 fn achieved(lines: &mut Lines, achieved: &Achieved) {
-    for norm in &achieved.norms {
-        lines.entry("norm", self::norm(norm));
-    }
     if let Some(margin) = smallest_margin(achieved) {
         lines.entry("conditions", margin);
     }
