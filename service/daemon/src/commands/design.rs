@@ -80,10 +80,6 @@ pub fn execute(arguments: &DesignArguments) -> miette::Result<()> {
     let text = gains_text(&design, &command(arguments))?;
     progress.show("", "reading back what was found");
     accept(&loaded, &output, &text)?;
-    let plots = match &arguments.plot {
-        Some(directory) => draw(&loaded.configuration, &design, directory, &progress)?,
-        None => Vec::new(),
-    };
     progress.end();
     for entry in &design.entries {
         for warning in &entry.warnings {
@@ -93,12 +89,14 @@ pub fn execute(arguments: &DesignArguments) -> miette::Result<()> {
     if to_file {
         write_whole(&output, &text)?;
         println!("{}", written(&design, &output));
-        for plot in &plots {
-            println!("{}", plot.display());
-        }
     } else {
         let all = io::stdout().lock().write_all(text.as_bytes());
         all.map_err(|reason| DesignError::Write { path: output, reason })?;
+    }
+    if let Some(directory) = &arguments.plot {
+        for plot in draw(&loaded.configuration, &design, directory)? {
+            eprintln!("{}", plot.display());
+        }
     }
     Ok(())
 }
@@ -121,16 +119,10 @@ pub fn gains_text(design: &Design, command: &str) -> Result<String, DesignError>
 }
 
 /// Draws the design of every diagnoser; returns the files.
-fn draw(
-    configuration: &Configuration,
-    design: &Design,
-    directory: &Path,
-    progress: &Progress,
-) -> miette::Result<Vec<PathBuf>> {
+fn draw(configuration: &Configuration, design: &Design, directory: &Path) -> miette::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     let built = design.entries.iter().zip(&design.diagnosers);
     for (diagnoser, (entry, designed)) in configuration.diagnosers.iter().zip(built) {
-        progress.show(&entry.name, "drawing plots");
         let responses = diagnoser.method.responses(entry.sample_time_s, &entry.gains);
         let responses = responses.into_diagnostic()?;
         let drawn = plot::write(directory, &entry.name, entry.sample_time_s, designed, &responses);

@@ -35,8 +35,8 @@ fn process(what: &'static str) -> impl Fn(io::Error) -> DemoError {
 /// The daemon of one show; killed if the show ends before it is stopped in good order.
 pub struct Stage {
     instance: Instance,
-    /// Held for the end of the show only.
-    _gains_file: GainsOfShow,
+    /// Until the daemon has read it.
+    gains_file: Option<GainsOfShow>,
     program: PathBuf,
     daemon: Child,
 }
@@ -62,7 +62,7 @@ impl Stage {
         });
         let stage = Self {
             instance,
-            _gains_file: gains_file,
+            gains_file: Some(gains_file),
             program,
             daemon,
         };
@@ -77,6 +77,7 @@ impl Stage {
         variation: &Variation,
     ) -> Result<(Vec<Seen>, Summary), DemoError> {
         let start_ns = self.wait_for_daemon()?;
+        self.gains_file = None;
         println!(
             "processes: daemon {}, then publisher and client",
             self.daemon.id()
@@ -162,7 +163,7 @@ impl Stage {
     }
 }
 
-/// The gains file of a show; disappears with it.
+/// The gains file of a show; disappears when it is dropped.
 struct GainsOfShow(PathBuf);
 
 impl Drop for GainsOfShow {

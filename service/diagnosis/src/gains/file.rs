@@ -94,7 +94,8 @@ impl GainsFile {
         not_finite("", &Value::Table(table.clone())).map_or(Ok(()), Err)?;
         Ok(format!(
             "{BEGINNING} what its diagnosers run on, and what they achieve with it.\n\
-             # All of it is recomputed and compared whenever it is loaded: change the configuration, not this file.\n\
+             # Whenever it is loaded, every condition is checked on the gains, and what is achieved is recomputed and\n\
+             # compared; warnings, solver and date are remarks. Change the configuration, not this file.\n\
              # Made by: {}\n\n{}",
             command.replace(char::is_control, " "),
             layout::text(&table)
