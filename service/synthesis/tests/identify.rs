@@ -501,6 +501,18 @@ fn bad_input_is_refused_with_what_to_do() {
             "{error}"
         );
     }
+    let long = IdentifyOptions {
+        window: 6,
+        ..exactly(&[1.0])
+    };
+    let error = identify(&integrator(0.1), std::slice::from_ref(&good), &[], &long).unwrap_err();
+    assert_eq!(
+        error,
+        IdentifyError::WindowTooLong {
+            window: 6,
+            longest: 5
+        }
+    );
     let mut invisible = integrator(0.1);
     invisible.b = vec![vec![0.0]];
     let error = identify(&invisible, &[good], &[], &exactly(&[1.0])).unwrap_err();

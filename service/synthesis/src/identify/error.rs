@@ -118,6 +118,16 @@ pub enum IdentifyError {
     /// The floor that the choice rests on could not be computed.
     #[error("the smallest detectable fault could not be computed: {0}")]
     Floor(#[from] FloorError),
+    /// A window that no run is long enough for.
+    #[error(
+        "the window has {window} transitions, but the longest run {longest}; shorten the window, or give longer runs"
+    )]
+    WindowTooLong {
+        /// L.
+        window: usize,
+        /// Transitions of the longest run.
+        longest: usize,
+    },
     /// No actuator fault is visible in the window.
     #[error(
         "no actuator fault is visible within {window} transitions, so that noise scales cannot be compared; \

@@ -79,11 +79,16 @@ pub fn identify_bounds(
     if let Some(output) = model.v().iter().position(|&bound| bound <= 0.0) {
         return Err(IdentifyError::NoNoiseBound { output });
     }
-    let mut search = Search::new(
-        Evaluator::new(model, training, validation, options)?,
-        options,
-        progress,
-    );
+    let evaluator = Evaluator::new(model, training, validation, options)?;
+    let lengths = training.iter().map(|run| run.measurements.len());
+    let longest = lengths.max().unwrap_or(0).saturating_sub(1);
+    if options.window > longest {
+        return Err(IdentifyError::WindowTooLong {
+            window: options.window,
+            longest,
+        });
+    }
+    let mut search = Search::new(evaluator, options, progress);
     for level in 0..options.noise_scales.len() {
         search.evaluate(vec![level; model.output_count()])?;
     }

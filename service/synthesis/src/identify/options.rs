@@ -29,7 +29,7 @@ pub struct IdentifyOptions {
     /// Significant digits of the bounds, 1 to 7; they are rounded up.
     pub significant_digits: usize,
     /// L: duration, in transitions, of the constant fault by whose smallest detectable size noise scales are
-    /// compared.
+    /// compared; at most the longest training run.
     pub window: usize,
     /// Transitions before that fault in the same window.
     pub pre_samples: PreSamples,

@@ -1,7 +1,9 @@
 //! Q and R of given models.
 
 use crate::simulation::runs;
-use nalgebra::{DMatrix, dmatrix};
+use nalgebra::{DMatrix, DVector, dmatrix};
+use residual_diagnosis::covariance::semidefinite_factor;
+use residual_synthesis::identify::RunData;
 use residual_synthesis::identify::model::{
     IdentifiedModel, Plant, Structure, StructureOptions, identify_model,
 };
@@ -83,4 +85,84 @@ fn a_start_far_off_leads_to_the_same_covariances() {
             "{a:?} {b:?}"
         );
     }
+}
+
+/// Two disturbances that move a state each.
+fn pair() -> Plant {
+    Plant {
+        a: dmatrix![0.9, 0.1; 0.0, 0.8],
+        b: dmatrix![0.5; 0.1],
+        c: dmatrix![1.0, 0.0; 0.0, 1.0],
+        feedthrough: DMatrix::zeros(2, 1),
+        disturbance: dmatrix![1.0, 0.0; 0.0, 1.0],
+    }
+}
+
+#[test]
+fn disturbances_that_are_multiples_of_each_other_keep_their_variances() {
+    let factor = dmatrix![1.0; 2.0];
+    let truth = &factor * factor.transpose();
+    let r = dmatrix![0.3, 0.0; 0.0, 0.3];
+    let text = "A = [[0.9, 0.1], [0, 0.8]]\nB = [[0.5], [0.1]]\nC = [[1, 0], [0, 1]]\nD = [[1, 0], [0, 1]]\n\
+                initial_state_radius = [2, 2]\ndisturbance_covariance = [[2, 0.1], [0.1, 2]]\n";
+    let options: StructureOptions = toml::from_str(text).unwrap();
+    let structure = Structure::new(&options, 0.1, 2, 1).unwrap();
+    let mut vanished = 0;
+    for seed in 0..24 {
+        let training = runs(&pair(), &factor, &r, seed, 2, 150);
+        let found = identify_model(&structure, &training, &[]).unwrap();
+        let q = &found.disturbance_covariance;
+        // Four standard errors of a variance from 300 samples.
+        assert!((q - &truth).amax() < 0.35 * 4.0, "seed {seed}: {q}");
+        assert!(semidefinite_factor(q).is_ok(), "seed {seed}: {q}");
+        for (i, deviation) in found.deviations.iter().take(2).enumerate() {
+            assert!(
+                (deviation.value / q[(i, i)].sqrt() - 1.0).abs() < 1e-5,
+                "{deviation:?} {q}"
+            );
+            assert!(!deviation.at_lower_limit, "{deviation:?}");
+        }
+        if found.noise.iter().any(|noise| noise.at_limit) {
+            vanished += 1;
+            // The figures are those of the covariances given, taken as fixed.
+            let (predicted, likelihood) = figures(&pair(), q, &found.measurement_noise_covariance, &training);
+            assert!(
+                (found.training.normalised_square / predicted - 1.0).abs() < 1e-4,
+                "seed {seed}: {predicted} {found:?}"
+            );
+            assert!(
+                (found.log_likelihood - likelihood).abs() < 1e-2,
+                "seed {seed}: {likelihood} {found:?}"
+            );
+        }
+    }
+    assert!(vanished >= 3, "{vanished}");
+}
+
+/// Mean normalised innovation square from the fourth instant on, and log-likelihood, by a Kalman filter of its own.
+fn figures(plant: &Plant, q: &DMatrix<f64>, r: &DMatrix<f64>, runs: &[RunData]) -> (f64, f64) {
+    let (mut square, mut count, mut likelihood) = (0.0, 0.0, 0.0);
+    for run in runs {
+        let mut x = DVector::zeros(2);
+        let mut p = DMatrix::identity(2, 2) * (4.0 / 3.0);
+        for (k, (u, y)) in run.commands.iter().zip(&run.measurements).enumerate() {
+            if k + 1 == run.commands.len() {
+                break;
+            }
+            let e = DVector::from_column_slice(y) - &plant.c * &x;
+            let s = &plant.c * &p * plant.c.transpose() + r;
+            let inverse = s.clone().try_inverse().unwrap();
+            let normalised = e.dot(&(&inverse * &e));
+            likelihood -= 0.5 * (normalised + s.determinant().ln() + 2.0 * std::f64::consts::TAU.ln());
+            if k >= 3 {
+                (square, count) = (square + normalised, count + 2.0);
+            }
+            let gain = &p * plant.c.transpose() * inverse;
+            x = &plant.a * (x + &gain * e) + &plant.b * DVector::from_column_slice(u);
+            let updated = (DMatrix::identity(2, 2) - gain * &plant.c) * p;
+            p = &plant.a * updated * plant.a.transpose()
+                + &plant.disturbance * q * plant.disturbance.transpose();
+        }
+    }
+    (square / count, likelihood)
 }

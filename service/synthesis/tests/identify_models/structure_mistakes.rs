@@ -70,7 +70,7 @@ fn every_mistake_is_named() {
         (
             "radius = [1, 1]",
             "radius = [1]",
-            "`initial_state_radius` is of length 1",
+            "`initial_state_radius` is a list of length 1",
         ),
         (
             "radius = [1, 1]",

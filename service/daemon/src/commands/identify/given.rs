@@ -68,7 +68,7 @@ fn refusal(diagnoser: &DiagnoserConfiguration, needs: &'static str) -> miette::R
     .into()
 }
 
-/// What the diagnoser sees of every run.
+/// What the diagnoser sees of every run before its first labelled fault.
 fn runs(
     arguments: &IdentifyArguments,
     replay: &Replay,
@@ -77,7 +77,15 @@ fn runs(
     let instants = part_instants(arguments.part_length, diagnoser.sample_time_s())?;
     let mut runs = Vec::with_capacity(replay.runs().len());
     for run in replay.runs() {
-        let seen = sequences(&replay.loaded.configuration, diagnoser, &replay.samples(run));
+        let mut samples = replay.samples(run);
+        if let Some(onset_ns) = run.labelled_onset_ns {
+            samples.retain(|sample| run.recorded_at_ns(sample.time_ns) < onset_ns);
+        }
+        if samples.is_empty() {
+            runs.push((run.name.clone(), Vec::new()));
+            continue;
+        }
+        let seen = sequences(&replay.loaded.configuration, diagnoser, &samples);
         let length = instants.min(seen.commands.len().max(1));
         let count = seen.commands.len().div_ceil(length);
         let parts = seen.commands.chunks(length).zip(seen.measurements.chunks(length));

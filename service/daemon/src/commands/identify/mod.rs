@@ -28,6 +28,7 @@ use residual_synthesis::identify::{
 
 use super::replay::{ReplayError, progress_style};
 use crate::replay::selection::RunSelection;
+use section::Section;
 
 /// What `residuald identify` takes.
 #[derive(Debug, Args)]
@@ -52,7 +53,8 @@ pub struct IdentifyArguments {
     /// Share added to every identified bound.
     #[arg(long, default_value_t = IdentifyOptions::default().margin)]
     pub margin: f64,
-    /// Length, in steps, of the fault whose detectability decides between noise and disturbance.
+    /// Length, in steps, of the fault whose detectability decides between noise and disturbance;
+    /// at most the longest run.
     #[arg(long, default_value_t = IdentifyOptions::default().window)]
     pub window: usize,
 }
@@ -179,14 +181,23 @@ pub fn part_name(run: &str, part: usize, parts: usize) -> String {
 const NOISE_SCALES: [f64; 5] = [0.25, 0.35, 0.5, 0.7, 1.0];
 
 /// The bounds of a model whose unit of noise is three standard deviations of its innovations. Recordings that contradict
-/// every such bound get the wider search of a model of unknown units.
+/// every such bound get the wider search of a model of unknown units, and `section` says so.
 fn bounds_of_innovations(
+    section: &mut Section,
     arguments: &IdentifyArguments,
     model: &LinearModel,
     runs: &Split<RunData>,
 ) -> miette::Result<Identification> {
     match search_bounds(arguments, model, runs, NOISE_SCALES.to_vec()) {
-        Err(IdentifyError::Infeasible { .. }) => bounds_of(arguments, model, runs),
+        Err(IdentifyError::Infeasible { run, .. }) => {
+            let wide = IdentifyOptions::default().noise_scales;
+            let largest = wide.iter().copied().fold(0.0, f64::max);
+            section.comment(format_args!(
+                "Run {run} contradicts every noise bound up to three standard deviations of the innovations; bounds up \
+                 to {largest} times these were tried."
+            ));
+            bounds_of(arguments, model, runs)
+        }
         found => found.into_diagnostic().wrap_err(NO_BOUNDS),
     }
 }

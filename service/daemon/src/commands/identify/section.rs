@@ -76,22 +76,16 @@ impl Section {
                 parameter.standard_error
             ));
         }
-        for noise in &found.noise {
-            if noise.name.starts_with("standard") {
-                let what = if noise.at_limit {
-                    format!(
-                        "{:.1e}, the end of its range: the data need none",
-                        noise.value.exp()
-                    )
-                } else {
-                    format!(
-                        "{:.3e} +- {:.1} %",
-                        noise.value.exp(),
-                        100.0 * noise.standard_error
-                    )
-                };
-                self.comment(format_args!("{}: {what}", noise.name));
-            }
+        for deviation in &found.deviations {
+            let value = deviation.value;
+            let what = match deviation.relative_error {
+                _ if deviation.at_lower_limit => {
+                    format!("{value:.1e}, the end of its range: the data need none")
+                }
+                Some(error) => format!("{value:.3e} +- {:.1} %", 100.0 * error),
+                None => format!("{value:.3e}"),
+            };
+            self.comment(format_args!("standard deviation of {}: {what}", deviation.name));
         }
         self.comment("One-step predictions, root mean square (correlation with the innovation before):");
         let parts = [

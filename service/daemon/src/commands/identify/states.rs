@@ -205,7 +205,7 @@ impl Bounded {
             ..ModelOptions::default()
         };
         let model = LinearModel::new(&options, file.sample_time_s).into_diagnostic()?;
-        let bounds = bounds_of_innovations(arguments, &model, runs)?;
+        let bounds = bounds_of_innovations(section, arguments, &model, runs)?;
         section.comment(bounds.figures());
         section.line("[diagnoser.model]");
         if self.continuous {

@@ -28,8 +28,6 @@ const SMALL: f64 = 1e-2;
 #[derive(Clone, Debug)]
 pub(in crate::identify) struct Maximum {
     pub theta: Vec<f64>,
-    /// ℓ there.
-    pub value: f64,
     pub iterations: usize,
     /// Which unknowns ended at an end of their range.
     pub at_limit: Vec<bool>,
@@ -95,7 +93,6 @@ impl Likelihood<'_> {
                 }
                 let standard_errors = standard_errors(&found.information, &free)?;
                 return Ok(Maximum {
-                    value: found.value,
                     theta,
                     iterations,
                     at_limit,

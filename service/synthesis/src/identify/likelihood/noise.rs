@@ -76,6 +76,12 @@ impl NoiseForm {
         self.places().count()
     }
 
+    /// Whether rows may be correlated: each diagonal entry of the factor is then the standard deviation of its row
+    /// given the rows before it.
+    pub(in crate::identify) fn is_full(&self) -> bool {
+        self.full
+    }
+
     /// The unknowns; `name` tells what row i is, and `smallest` how far below its start a standard deviation may sink.
     pub(in crate::identify) fn unknowns(
         &self,
@@ -86,8 +92,13 @@ impl NoiseForm {
         let unknown = |(i, j): (usize, usize)| {
             if i == j {
                 let start = self.start[(i, i)].ln();
+                let given = if self.full && i > 0 {
+                    " given those before it"
+                } else {
+                    ""
+                };
                 Unknown {
-                    name: name(i),
+                    name: format!("standard deviation of {}{given}", name(i)),
                     start,
                     range: (start + smallest.ln(), start + LARGEST.ln()),
                     largest_step: 2.0,
@@ -104,12 +115,12 @@ impl NoiseForm {
         self.places().map(unknown).collect()
     }
 
-    /// The row whose standard deviation is unknown `index`; `None` for an entry below the diagonal.
-    pub(in crate::identify) fn row_of(&self, index: usize) -> Option<usize> {
-        self.places().nth(index).filter(|(i, j)| i == j).map(|(i, _)| i)
+    /// Row and column of each unknown in the factor.
+    pub(in crate::identify) fn entries(&self) -> Vec<(usize, usize)> {
+        self.places().collect()
     }
 
-    /// The covariance of these unknowns.
+    /// The covariance of these unknowns; the logarithm of a standard deviation may be -infinity.
     pub(in crate::identify) fn covariance(&self, theta: &[f64]) -> DMatrix<f64> {
         let deviations = self.start_deviations();
         let mut factor = self.start.clone();

@@ -3,6 +3,7 @@
 use super::error::StructureError;
 use exmex::{Express, FlatEx};
 use nalgebra::DMatrix;
+use residual_diagnosis::tables::TableError;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
@@ -129,12 +130,13 @@ impl EntryMatrix {
     ) -> Result<Self, StructureError> {
         let columns = rows.first().map_or(0, Vec::len);
         if let Some(row) = rows.iter().position(|row| row.len() != columns) {
-            return Err(StructureError::RaggedRows {
+            return Err(TableError::RaggedRows {
                 key: key.to_owned(),
                 row,
                 actual: rows[row].len(),
                 expected: columns,
-            });
+            }
+            .into());
         }
         let mut read = Vec::with_capacity(rows.len());
         for (i, row) in rows.iter().enumerate() {

@@ -2,38 +2,16 @@
 
 use super::super::IdentifyError;
 use residual_diagnosis::covariance::CovarianceError;
+use residual_diagnosis::tables::TableError;
 use thiserror::Error;
 
 /// What is wrong with a structure. Rows and columns count from 0.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum StructureError {
-    /// Rows of different length.
-    #[error(
-        "row {row} of `{key}` has {actual} entries, the rows before it {expected}; give every row the same length"
-    )]
-    RaggedRows {
-        /// The matrix.
-        key: String,
-        /// The row.
-        row: usize,
-        /// Its length.
-        actual: usize,
-        /// That of the first row.
-        expected: usize,
-    },
-    /// A matrix or list of the wrong shape.
-    #[error("`{key}` is {actual}, but {expected} is needed ({meaning}); correct its shape")]
-    Shape {
-        /// The matrix or list.
-        key: &'static str,
-        /// Its shape.
-        actual: String,
-        /// The shape needed.
-        expected: String,
-        /// What rows and columns stand for.
-        meaning: &'static str,
-    },
+    /// A matrix or list of the wrong shape, or a list of numbers with one that is none.
+    #[error(transparent)]
+    Table(#[from] TableError),
     /// An entry that is no finite number.
     #[error("`{place}` is {value}; use a finite number, \"free\" or an expression of the parameters")]
     NotFinite {

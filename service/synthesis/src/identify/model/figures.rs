@@ -11,12 +11,25 @@ pub(in crate::identify) const OVERFITTED: f64 = 1.1;
 pub struct FoundParameter {
     /// Its name, or its place in the structure.
     pub name: String,
-    /// Its value; the logarithm of a standard deviation.
+    /// Its value; of the diagonal of a factor of a covariance the logarithm.
     pub value: f64,
     /// Its standard error; 0 at an end of its range.
     pub standard_error: f64,
     /// Whether it ended at an end of its range, so that it might be better outside.
     pub at_limit: bool,
+}
+
+/// The standard deviation of a disturbance or of the noise of a measurement.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FoundDeviation {
+    /// What it is of.
+    pub name: String,
+    /// Root of the diagonal entry of the covariance; where it sank to the end of its range, that end.
+    pub value: f64,
+    /// Its standard error, relative to it; `None` where the deviation follows from several unknowns.
+    pub relative_error: Option<f64>,
+    /// Whether the deviation itself sank to the end of its range.
+    pub at_lower_limit: bool,
 }
 
 /// A model from recordings, with its figures.
@@ -28,8 +41,10 @@ pub struct IdentifiedModel {
     pub plant: Plant,
     /// The free entries and named parameters.
     pub parameters: Vec<FoundParameter>,
-    /// Logarithms of the standard deviations of disturbances and noise, and their correlations.
+    /// Unknowns of Q and R: logarithms of the diagonals of their factors, and what stands below these.
     pub noise: Vec<FoundParameter>,
+    /// Standard deviations of the disturbances and of the noise that were sought.
+    pub deviations: Vec<FoundDeviation>,
     /// Q: covariance of the disturbances of a step, nd x nd.
     pub disturbance_covariance: DMatrix<f64>,
     /// R: covariance of the measurement noise, ny x ny, positive definite.

@@ -5,6 +5,7 @@
 //! leaves the covariances. Cross-validation finds the model anew without each of up to five groups of training runs and
 //! predicts the group left out; a model that predicts unseen runs much worse than its own is overfitted.
 
+mod deviations;
 mod entry;
 mod error;
 mod figures;
@@ -15,7 +16,7 @@ pub use super::likelihood::statistics::Prediction;
 pub use entry::{EntryOptions, FreeOptions};
 pub use error::{ModelIdentificationError, StructureError};
 pub(in crate::identify) use figures::OVERFITTED;
-pub use figures::{FoundParameter, IdentifiedModel};
+pub use figures::{FoundDeviation, FoundParameter, IdentifiedModel};
 pub use structure::{Structure, StructureOptions};
 
 use super::IdentifyError;
@@ -33,8 +34,11 @@ const ELEMENTS_PER_UNKNOWN: usize = 10;
 /// How far below its start the standard deviation of a disturbance may sink before it counts as zero, and that of the
 /// noise of a measurement, which keeps this value so that R stays positive definite.
 const SMALLEST: (f64, f64) = (1e-4, 1e-5);
-/// Significant digits of the parameters, and of the entries and covariances that follow from them.
+/// Significant digits of the parameters, and of the entries that follow from them.
 const DIGITS: (usize, usize) = (6, 8);
+/// Significant digits of a covariance: of a diagonal one, and of a full one, whose smallest eigenvalue may be zero and
+/// must not become negative.
+const COVARIANCE_DIGITS: (usize, usize) = (6, 14);
 
 /// Identifies the free entries of `structure` and the covariances of its noise; validation runs never decide.
 ///
@@ -91,16 +95,17 @@ pub fn identify_model(
             .extend(pieces);
         }
         let without = maximise(&likelihood, &others, &maximum.theta)?;
-        left_out.push(predict(&likelihood, &without.theta, &own)?);
+        left_out.push(predict(&likelihood, &reported(&likelihood, &without), &own)?);
     }
+    let theta = reported(&likelihood, &maximum);
     let held_out: Vec<&Piece> = held_out.iter().flatten().collect();
     let held_out_prediction = if held_out.is_empty() {
         None
     } else {
-        Some(predict(&likelihood, &maximum.theta, &held_out)?)
+        Some(predict(&likelihood, &theta, &held_out)?)
     };
 
-    let (q, r) = covariances(&likelihood, &maximum);
+    let (q, r) = covariances(&likelihood, &theta);
     let parameters: Vec<FoundParameter> = structure
         .parameters
         .iter()
@@ -129,13 +134,14 @@ pub fn identify_model(
                 at_limit: maximum.at_limit[i],
             })
             .collect(),
-        disturbance_covariance: q.map(|entry| round(entry, DIGITS.0)),
-        measurement_noise_covariance: r.map(|entry| round(entry, DIGITS.0)),
+        deviations: deviations::deviations(&likelihood, &maximum, (&q, &r)),
+        disturbance_covariance: q,
+        measurement_noise_covariance: r,
         initial_state: structure.initial.clone(),
-        log_likelihood: -maximum.value,
+        log_likelihood: -likelihood.value(&theta, flat.iter().copied()),
         iterations: maximum.iterations,
         runs: training.len(),
-        training: predict(&likelihood, &maximum.theta, &flat)?,
+        training: predict(&likelihood, &theta, &flat)?,
         cross_validation: Prediction::pooled(&left_out),
         validation_runs: validation.len(),
         validation: held_out_prediction,
@@ -166,10 +172,8 @@ fn likelihood<'a>(
     let disturbance = form(&structure.disturbance, &disturbance_guess);
     let measurement = form(&structure.measurement, &measurement_guess);
     let model_count = unknowns.len();
-    unknowns.extend(disturbance.unknowns(SMALLEST.0, |j| format!("standard deviation of disturbance {j}")));
-    unknowns.extend(measurement.unknowns(SMALLEST.1, |i| {
-        format!("standard deviation of the noise of measurement {i}")
-    }));
+    unknowns.extend(disturbance.unknowns(SMALLEST.0, disturbance_name));
+    unknowns.extend(measurement.unknowns(SMALLEST.1, measurement_name));
     Ok(Likelihood {
         plant,
         unknowns,
@@ -178,6 +182,14 @@ fn likelihood<'a>(
         measurement,
         initial: structure.initial.clone(),
     })
+}
+
+fn disturbance_name(j: usize) -> String {
+    format!("disturbance {j}")
+}
+
+fn measurement_name(i: usize) -> String {
+    format!("the noise of measurement {i}")
 }
 
 /// Standard deviations to begin with: what each output changes in a step, by half as noise, by half as disturbance.
@@ -254,18 +266,33 @@ fn predict(
         .ok_or(ModelIdentificationError::Start)
 }
 
-/// Q and R; disturbances that sank to the end of their range are zero.
-fn covariances(likelihood: &Likelihood<'_>, maximum: &Maximum) -> (DMatrix<f64>, DMatrix<f64>) {
-    let (mut q, r) = likelihood.covariances(&maximum.theta);
+/// θ with the diagonal entries of the factor of Q that sank to the end of their range at zero, whose logarithm is
+/// -infinity: a disturbance vanishes, or what the disturbances before it do not tell of it. R keeps its own.
+fn reported(likelihood: &Likelihood<'_>, maximum: &Maximum) -> Vec<f64> {
+    let mut theta = maximum.theta.clone();
     let first = likelihood.model_count;
-    let of_q = likelihood.disturbance.count();
-    for i in (first..first + of_q).filter(|&i| maximum.at_limit[i]) {
-        if let Some(row) = likelihood.disturbance.row_of(i - first) {
-            q.row_mut(row).fill(0.0);
-            q.column_mut(row).fill(0.0);
-        }
+    let of_q = first..first + likelihood.disturbance.count();
+    for i in of_q.filter(|&i| maximum.at_limit[i] && maximum.theta[i] <= likelihood.unknowns[i].range.0) {
+        theta[i] = f64::NEG_INFINITY;
     }
-    (q, r)
+    theta
+}
+
+/// Q and R of θ, rounded.
+fn covariances(likelihood: &Likelihood<'_>, theta: &[f64]) -> (DMatrix<f64>, DMatrix<f64>) {
+    let (q, r) = likelihood.covariances(theta);
+    let rounded = |form: &NoiseForm, covariance: DMatrix<f64>| {
+        let digits = if form.is_full() {
+            COVARIANCE_DIGITS.1
+        } else {
+            COVARIANCE_DIGITS.0
+        };
+        covariance.map(|entry| round(entry, digits))
+    };
+    (
+        rounded(&likelihood.disturbance, q),
+        rounded(&likelihood.measurement, r),
+    )
 }
 
 fn rounded(plant: Plant) -> Plant {

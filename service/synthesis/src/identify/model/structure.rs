@@ -7,6 +7,7 @@ use crate::identify::likelihood::noise::NoiseForm;
 use nalgebra::{DMatrix, DVector};
 use residual_diagnosis::discretise::matrix_exponential;
 use residual_diagnosis::model::Time;
+use residual_diagnosis::tables::{self, TableError};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
@@ -66,6 +67,8 @@ pub struct Structure {
     command_count: usize,
 }
 
+const PER_STATE: &str = "one number for each state";
+
 fn shape(matrix: (usize, usize)) -> String {
     format!("{} x {}", matrix.0, matrix.1)
 }
@@ -116,13 +119,13 @@ impl Structure {
         ];
         for (key, matrix, expected, meaning) in expected {
             if matrix.shape() != expected {
-                let (actual, expected) = (shape(matrix.shape()), shape(expected));
-                return Err(StructureError::Shape {
-                    key,
-                    actual,
-                    expected,
+                return Err(TableError::Shape {
+                    key: key.to_owned(),
+                    actual: shape(matrix.shape()),
+                    expected: shape(expected),
                     meaning,
-                });
+                }
+                .into());
             }
         }
         let form = |key, covariance: &Option<Vec<Vec<f64>>>, size| {
@@ -148,16 +151,13 @@ impl Structure {
             .initial_state_center
             .clone()
             .unwrap_or_else(|| vec![0.0; nx]);
-        let center = list(
-            "initial_state_center",
-            &center,
-            nx,
-            |_| true,
-            "use finite numbers",
-        )?;
+        let center = tables::vector("initial_state_center", &center, nx, PER_STATE)?;
         let key = "initial_state_radius";
-        let help = "use finite numbers above 0, wide enough for wherever a run begins";
-        let radius = list(key, &options.initial_state_radius, nx, |value| value > 0.0, help)?;
+        let radius = tables::vector(key, &options.initial_state_radius, nx, PER_STATE)?;
+        if let Some(&value) = radius.iter().find(|radius| **radius <= 0.0) {
+            let help = "use numbers above 0, wide enough for wherever a run begins";
+            return Err(StructureError::Value { key, value, help });
+        }
         // Spread evenly over [-r, r]: variance r²/3.
         let spread = DMatrix::from_diagonal(&radius.map(|radius| radius * radius / 3.0));
         Ok(Self {
@@ -248,44 +248,6 @@ fn zero_order_hold(continuous: Plant, sample_time_s: f64) -> Plant {
 }
 
 fn noise_form(key: &'static str, rows: &[Vec<f64>], size: usize) -> Result<NoiseForm, StructureError> {
-    let columns = rows
-        .iter()
-        .map(Vec::len)
-        .find(|&columns| columns != size)
-        .unwrap_or(size);
-    if (rows.len(), columns) != (size, size) {
-        return Err(StructureError::Shape {
-            key,
-            actual: shape((rows.len(), columns)),
-            expected: shape((size, size)),
-            meaning: "one row and column for each noise",
-        });
-    }
-    if let Some(&value) = rows.iter().flatten().find(|value| !value.is_finite()) {
-        let help = "use finite numbers";
-        return Err(StructureError::Value { key, value, help });
-    }
-    let covariance = DMatrix::from_row_iterator(size, size, rows.iter().flatten().copied());
+    let covariance = tables::shaped_matrix(key, rows, (size, size), "one row and column for each noise")?;
     NoiseForm::like(&covariance).map_err(|reason| StructureError::Covariance { key, reason })
-}
-
-fn list(
-    key: &'static str,
-    values: &[f64],
-    length: usize,
-    holds: impl Fn(f64) -> bool,
-    help: &'static str,
-) -> Result<DVector<f64>, StructureError> {
-    if values.len() != length {
-        return Err(StructureError::Shape {
-            key,
-            actual: format!("of length {}", values.len()),
-            expected: format!("length {length}"),
-            meaning: "one number for each state",
-        });
-    }
-    match values.iter().find(|value| !(value.is_finite() && holds(**value))) {
-        Some(&value) => Err(StructureError::Value { key, value, help }),
-        None => Ok(DVector::from_column_slice(values)),
-    }
 }
