@@ -351,10 +351,13 @@ fn a_value_beyond_three_standard_deviations_widens_the_noise_bounds_and_the_sect
         .replace("METHOD", "unknown_input_filter")
         .replace("D = [[1]]\n", "");
     let structure = stage.file("structure.toml", &without);
-    let words = "# No noise bound up to three standard deviations of the innovations explains all training runs";
+    let words =
+        "# No noise bound up to three standard deviations of the innovations explains all training runs";
     let found = printed(&["--model", &structure, &outlier]);
     assert!(found.contains(words), "{found}");
-    let found = printed(&["--model", &structure, stage.recording()]);
+    let disturbed = STRUCTURE.replace("METHOD", "unknown_input_filter");
+    let disturbed = stage.file("disturbed.toml", &disturbed);
+    let found = printed(&["--model", &disturbed, stage.recording()]);
     assert!(!found.contains("explains all"), "{found}");
     let long = refused(&["--model", &structure, &outlier, "--window", "1000000"]);
     assert!(long.contains("the longest run 79; shorten the window"), "{long}");
