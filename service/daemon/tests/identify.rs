@@ -268,6 +268,102 @@ fn a_given_model_gets_the_bounds_or_covariances_of_its_method() {
 }
 
 #[test]
+fn a_run_ends_at_its_first_labelled_fault() {
+    let stage = Stage::new(4, 80);
+    let recorded = fs::read_to_string(&stage.recording).unwrap();
+    let mut lines = recorded.lines();
+    let (mut labelled, mut ended) = (
+        format!("{},fault\n", lines.next().unwrap()),
+        String::from("run,t,y,u,twice,fault\n"),
+    );
+    for line in lines {
+        let cells: Vec<&str> = line.split(',').collect();
+        if cells[1].parse::<f64>().unwrap() < 4.95 {
+            for text in [&mut labelled, &mut ended] {
+                writeln!(text, "{line},0").unwrap();
+            }
+        } else {
+            // A sensor that is off by 5; nothing but the first of its rows has a label.
+            let y = cells[2].parse::<f64>().unwrap() + 5.0;
+            let label = u8::from(cells[1].parse::<f64>().unwrap() < 5.05);
+            writeln!(
+                labelled,
+                "{},{},{y},{},{},{label}",
+                cells[0], cells[1], cells[3], cells[4]
+            )
+            .unwrap();
+        }
+    }
+    let (labelled, ended) = (
+        stage.file("labelled.csv", &labelled),
+        stage.file("ended.csv", &ended),
+    );
+    let models = [
+        (
+            "chi_square",
+            "[diagnoser.model]\ntransition = [[0.8]]\ninput = [[0.5]]\nmeasurement = [[1]]\n\
+             process_noise_covariance = [[1]]\nmeasurement_noise_covariance = [[1]]\ninitial_covariance = [[1]]\n",
+        ),
+        (
+            "reduced_order_observer",
+            "[diagnoser.model]\nA = [[0.8]]\nB = [[0.5]]\nC = [[1]]\nD = [[1]]\ninitial_state_lower = [-3]\n\
+             initial_state_upper = [3]\ndisturbance_lower = [-0.1]\ndisturbance_upper = [0.1]\n\
+             measurement_noise_bound = [0.05]\n",
+        ),
+    ];
+    for (method, model) in models {
+        let ignored = configuration(method, model);
+        let honoured = ignored.replace("[replay]\n", "[replay]\nfault_column = \"fault\"\n");
+        for rows in ["", "row_period_s = 0.05\n"] {
+            let file = stage.file(
+                "honoured.toml",
+                &honoured.replace("[replay]\n", &format!("[replay]\n{rows}")),
+            );
+            assert_eq!(
+                printed(&[&file, &labelled]),
+                printed(&[&file, &ended]),
+                "{method}"
+            );
+        }
+        let file = stage.file("ignored.toml", &ignored);
+        assert_ne!(
+            printed(&[&file, &labelled]),
+            printed(&[&file, &ended]),
+            "{method}"
+        );
+    }
+}
+
+#[test]
+fn a_value_beyond_three_standard_deviations_widens_the_noise_bounds_and_the_section_says_so() {
+    let stage = Stage::new(6, 80);
+    let recorded = fs::read_to_string(&stage.recording).unwrap();
+    let outlier = recorded.lines().enumerate().map(|(i, line)| match i {
+        201 => {
+            let cells: Vec<&str> = line.split(',').collect();
+            let y = cells[2].parse::<f64>().unwrap() + 1.5;
+            format!("{},{},{y},{},{}\n", cells[0], cells[1], cells[3], cells[4])
+        }
+        _ => format!("{line}\n"),
+    });
+    let outlier = stage.file("outlier.csv", &outlier.collect::<String>());
+    let without = STRUCTURE
+        .replace("METHOD", "unknown_input_filter")
+        .replace("D = [[1]]\n", "");
+    let structure = stage.file("structure.toml", &without);
+    let words =
+        "# No noise bound up to three standard deviations of the innovations explains all training runs";
+    let found = printed(&["--model", &structure, &outlier]);
+    assert!(found.contains(words), "{found}");
+    let disturbed = STRUCTURE.replace("METHOD", "unknown_input_filter");
+    let disturbed = stage.file("disturbed.toml", &disturbed);
+    let found = printed(&["--model", &disturbed, stage.recording()]);
+    assert!(!found.contains("explains all"), "{found}");
+    let long = refused(&["--model", &structure, &outlier, "--window", "1000000"]);
+    assert!(long.contains("the longest run 79; shorten the window"), "{long}");
+}
+
+#[test]
 fn methods_that_are_not_served_are_refused_by_name() {
     let stage = Stage::new(2, 20);
     for (method, example) in [
@@ -412,6 +508,8 @@ fn the_model_of_a_real_car_gives_no_false_alarm_on_held_out_runs() {
     let directory = tempfile::tempdir().unwrap();
     let file = directory.path().join("identified.toml");
     let configured = fs::read_to_string(repository("deploy/config/f1tenth.toml")).unwrap();
+    // The example's gains do not belong to the identified model.
+    let configured = configured.replace("gains_file = ", "# gains_file = ");
     fs::write(&file, with_model(&configured, &section)).unwrap();
     let report = program(&[
         "replay",

@@ -189,12 +189,12 @@ fn bounds_of_innovations(
     runs: &Split<RunData>,
 ) -> miette::Result<Identification> {
     match search_bounds(arguments, model, runs, NOISE_SCALES.to_vec()) {
-        Err(IdentifyError::Infeasible { run, .. }) => {
+        Err(IdentifyError::Infeasible { .. }) => {
             let wide = IdentifyOptions::default().noise_scales;
             let largest = wide.iter().copied().fold(0.0, f64::max);
             section.comment(format_args!(
-                "Run {run} contradicts every noise bound up to three standard deviations of the innovations; bounds up \
-                 to {largest} times these were tried."
+                "No noise bound up to three standard deviations of the innovations explains all training runs; bounds \
+                 up to {largest} times these were tried."
             ));
             bounds_of(arguments, model, runs)
         }
