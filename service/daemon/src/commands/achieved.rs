@@ -3,7 +3,7 @@
 use comfy_table::Table;
 use comfy_table::presets::ASCII_MARKDOWN;
 use residual_diagnosis::achieved::{
-    Achieved, FalseAlarms, FaultSensitivity, Norm, Poles, Threshold, TimeDomain,
+    Achieved, FalseAlarms, FaultSensitivity, Need, Norm, Poles, Separation, SizeOf, Threshold, TimeDomain,
 };
 
 /// Significant digits of a number that only informs.
@@ -46,7 +46,7 @@ pub(super) fn norm(norm: &Norm) -> String {
     }
 }
 
-/// Alarms without a fault, and what must be true for that.
+/// Alarms without a fault, and what must be true for that; or why their rate is unknown.
 pub(super) fn false_alarms(alarms: &FalseAlarms) -> String {
     let mut parts = Vec::new();
     if let Some(probability) = alarms.probability_per_instant {
@@ -62,13 +62,14 @@ pub(super) fn false_alarms(alarms: &FalseAlarms) -> String {
         parts.push(format!("{} expected an hour", number(expected)));
     }
     if parts.is_empty() {
-        parts.push("possible".to_owned());
+        return format!("unknown: {}", alarms.provided_that);
     }
     format!("{}, provided that {}", parts.join(", "), alarms.provided_that)
 }
 
 /// The faults that are surely, or likely, seen: of each the smallest size.
-pub(super) fn smallest_faults(faults: &[FaultSensitivity]) -> String {
+pub(super) fn smallest_faults(achieved: &Achieved) -> Option<String> {
+    let stated = |fault: &&FaultSensitivity| !achieved.is_not_stated(SizeOf::Detectable, &fault.fault);
     let describe = |fault: &FaultSensitivity| match fault.detectable {
         Some(size) => format!(
             "{} from {}{}",
@@ -78,7 +79,37 @@ pub(super) fn smallest_faults(faults: &[FaultSensitivity]) -> String {
         ),
         None => format!("{} at no size", fault.fault),
     };
-    faults.iter().map(describe).collect::<Vec<_>>().join(", ")
+    let stated: Vec<String> = achieved.faults.iter().filter(stated).map(describe).collect();
+    (!stated.is_empty()).then(|| stated.join(", "))
+}
+
+/// What nobody knows of the smallest constant faults, one text for each reason.
+pub(super) fn not_stated(achieved: &Achieved) -> Vec<String> {
+    let mut reasons: Vec<(&str, &[String], Vec<&str>)> = Vec::new();
+    for not in &achieved.not_stated {
+        let size = match not.size {
+            SizeOf::Detectable => "detected",
+            SizeOf::Isolable => "isolated",
+        };
+        let known = reasons
+            .iter_mut()
+            .find(|(because, faults, _)| *because == not.because && *faults == not.faults);
+        match known {
+            Some((.., sizes)) => sizes.push(size),
+            None => reasons.push((&not.because, &not.faults, vec![size])),
+        }
+    }
+    let describe = |(because, faults, sizes): (&str, &[String], Vec<&str>)| {
+        let of = match faults {
+            [] => String::new(),
+            _ => format!(" of {}", faults.join(", ")),
+        };
+        format!(
+            "sizes{of} that are {}: not stated, because {because}",
+            sizes.join(" or ")
+        )
+    };
+    reasons.into_iter().map(describe).collect()
 }
 
 fn assurance(assurance: f64) -> String {
@@ -105,9 +136,18 @@ pub(super) fn smallest_margin(achieved: &Achieved) -> Option<String> {
 
 /// The channels that can never alarm, one text for each reason.
 pub(super) fn never_firing(thresholds: &[Threshold]) -> Vec<String> {
+    by_reason(thresholds, |threshold| threshold.never_fires.as_deref())
+}
+
+/// The channels whose alarms nobody can rely on, one text for each reason.
+pub(super) fn insensitive(thresholds: &[Threshold]) -> Vec<String> {
+    by_reason(thresholds, |threshold| threshold.insensitive.as_deref())
+}
+
+fn by_reason(thresholds: &[Threshold], reason: impl Fn(&Threshold) -> Option<&str>) -> Vec<String> {
     let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
     for threshold in thresholds {
-        let Some(reason) = threshold.never_fires.as_deref() else {
+        let Some(reason) = reason(threshold) else {
             continue;
         };
         match reasons.iter_mut().find(|(known, _)| *known == reason) {
@@ -146,22 +186,27 @@ pub(super) fn poles(poles: &Poles, sample_time_s: f64) -> String {
 }
 
 /// Fault by fault: the smallest sizes and how sure they are.
-pub(super) fn fault_table(faults: &[FaultSensitivity]) -> Table {
+pub(super) fn fault_table(achieved: &Achieved) -> Option<Table> {
     let mut table = table(["fault", "detected from", "isolated from", "assurance"].map(str::to_owned));
-    let size = |size: Option<f64>, unit: &str| size.map_or("never".to_owned(), |size| with_unit(size, unit));
-    for fault in faults {
+    for fault in &achieved.faults {
+        let size = |of: SizeOf, size: Option<f64>| match size {
+            Some(size) => with_unit(size, &fault.unit),
+            None if achieved.is_not_stated(of, &fault.fault) => "not stated".to_owned(),
+            None => "never".to_owned(),
+        };
         let assurance = match fault.assurance {
             1.0.. => "guaranteed".to_owned(),
+            0.0 => "none".to_owned(),
             probability => format!("probability {}", number(probability)),
         };
         table.add_row([
             fault.fault.clone(),
-            size(fault.detectable, &fault.unit),
-            size(fault.isolable, &fault.unit),
+            size(SizeOf::Detectable, fault.detectable),
+            size(SizeOf::Isolable, fault.isolable),
             assurance,
         ]);
     }
-    table
+    (!table.is_empty()).then_some(table)
 }
 
 /// Fault by fault: how long the detection takes at worst, by the size of the fault.
@@ -201,15 +246,25 @@ pub(super) fn isolability_matrix(achieved: &Achieved) -> Option<Table> {
             let pair = pairs
                 .iter()
                 .find(|pair| pair.fault == row && pair.from == *column);
-            pair.map_or("-".to_owned(), |pair| match pair.instants {
-                Some(1) => "1 instant".to_owned(),
-                Some(instants) => format!("{instants} instants"),
-                None => "never".to_owned(),
-            })
+            pair.map_or("-".to_owned(), needed)
         };
         table.add_row(std::iter::once(row.to_owned()).chain(columns.iter().map(cell)));
     }
     (!table.is_empty()).then_some(table)
+}
+
+/// What it takes to tell the faults of a pair apart.
+fn needed(pair: &Separation) -> String {
+    let instants = match pair.instants {
+        Some(1) => "1 instant".to_owned(),
+        Some(instants) => format!("{instants} instants"),
+        None => return "never".to_owned(),
+    };
+    match pair.need {
+        Need::Instants => instants,
+        Need::AtLeast => format!("at least {instants}"),
+        Need::Transients => "by transients only".to_owned(),
+    }
 }
 
 fn table(heading: impl IntoIterator<Item = String>) -> Table {
@@ -223,7 +278,7 @@ fn table(heading: impl IntoIterator<Item = String>) -> Table {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use residual_diagnosis::achieved::Separation;
+    use residual_diagnosis::achieved::NotStated;
 
     #[test]
     fn numbers_have_few_digits_and_their_magnitude() {
@@ -249,24 +304,128 @@ mod tests {
 
     #[test]
     fn the_matrix_says_what_is_never_told_apart() {
-        let pair = |fault: &str, from: &str, instants| Separation {
+        let pair = |fault: &str, from: &str, instants, need| Separation {
             fault: fault.to_owned(),
             from: from.to_owned(),
             instants,
+            need,
         };
         let achieved = Achieved {
-            isolability: vec![pair("a", "b", Some(3)), pair("b", "a", None)],
+            isolability: vec![
+                pair("a", "b", Some(3), Need::Instants),
+                pair("a", "c", Some(2), Need::AtLeast),
+                pair("b", "a", None, Need::Instants),
+                pair("b", "c", Some(2), Need::Transients),
+            ],
             ..Achieved::default()
         };
         let text = isolability_matrix(&achieved).unwrap().to_string();
-        let row = |name: &str| {
-            let line = text
-                .lines()
-                .find(|line| line.trim_start_matches(['|', ' ']).starts_with(name));
-            line.unwrap().split_whitespace().collect::<Vec<_>>().join(" ")
-        };
-        assert!(row("a").contains("| - | 3 instants |"), "{text}");
-        assert!(row("b").contains("| never | - |"), "{text}");
+        assert!(
+            row(&text, "a").contains("| 3 instants | at least 2 instants |"),
+            "{text}"
+        );
+        assert!(
+            row(&text, "b").contains("| - | by transients only |") && row(&text, "b").contains("| never |"),
+            "{text}"
+        );
         assert!(isolability_matrix(&Achieved::default()).is_none());
+    }
+
+    /// The row of a table that begins with this name, with single spaces.
+    fn row(table: &str, name: &str) -> String {
+        let line = table
+            .lines()
+            .find(|line| line.trim_start_matches(['|', ' ']).starts_with(name));
+        line.unwrap().split_whitespace().collect::<Vec<_>>().join(" ")
+    }
+
+    fn fault(name: &str, detectable: Option<f64>) -> FaultSensitivity {
+        FaultSensitivity {
+            fault: name.to_owned(),
+            unit: String::new(),
+            assurance: 0.9,
+            detectable,
+            isolable: None,
+            delays: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn what_nobody_knows_is_not_said_to_be_never() {
+        let not = |size, faults: &[&str], because: &str| NotStated {
+            size,
+            faults: faults.iter().map(|name| (*name).to_owned()).collect(),
+            because: because.to_owned(),
+        };
+        let mut achieved = Achieved {
+            faults: vec![fault("a", Some(2.0)), fault("b", None), fault("c", None)],
+            not_stated: vec![
+                not(SizeOf::Detectable, &["c"], "no formula"),
+                not(SizeOf::Isolable, &[], "noise"),
+            ],
+            ..Achieved::default()
+        };
+        let text = fault_table(&achieved).unwrap().to_string();
+        assert!(row(&text, "a").starts_with("| a | 2 | not stated |"), "{text}");
+        assert!(
+            row(&text, "b").starts_with("| b | never | not stated |"),
+            "{text}"
+        );
+        assert!(
+            row(&text, "c").starts_with("| c | not stated | not stated |"),
+            "{text}"
+        );
+        assert_eq!(
+            not_stated(&achieved),
+            [
+                "sizes of c that are detected: not stated, because no formula",
+                "sizes that are isolated: not stated, because noise"
+            ]
+        );
+        assert_eq!(
+            smallest_faults(&achieved).unwrap(),
+            "a from 2 (with probability 0.9), b at no size"
+        );
+        achieved.not_stated = [SizeOf::Detectable, SizeOf::Isolable]
+            .map(|size| not(size, &[], "noise"))
+            .to_vec();
+        assert_eq!(
+            not_stated(&achieved),
+            ["sizes that are detected or isolated: not stated, because noise"]
+        );
+        assert_eq!(smallest_faults(&achieved), None);
+    }
+
+    #[test]
+    fn a_rate_that_nobody_knows_is_said_to_be_unknown() {
+        let mut alarms = FalseAlarms {
+            probability_per_instant: None,
+            expected_per_hour: None,
+            provided_that: "the threshold is fixed".to_owned(),
+        };
+        assert_eq!(false_alarms(&alarms), "unknown: the threshold is fixed");
+        alarms.probability_per_instant = Some(0.0);
+        assert_eq!(
+            false_alarms(&alarms),
+            "none at all, provided that the threshold is fixed"
+        );
+    }
+
+    #[test]
+    fn channels_that_cannot_fire_and_channels_that_may_miss_everything_are_listed_apart() {
+        let threshold = |channel: &str, never_fires: Option<&str>, insensitive: Option<&str>| Threshold {
+            channel: channel.to_owned(),
+            settled: 1.0,
+            never_fires: never_fires.map(str::to_owned),
+            insensitive: insensitive.map(str::to_owned),
+        };
+        let thresholds = [
+            threshold("a", Some("blind"), None),
+            threshold("b", None, Some("inert")),
+            threshold("c", None, None),
+            threshold("d", None, Some("inert")),
+        ];
+        assert_eq!(never_firing(&thresholds), ["a: blind"]);
+        assert_eq!(insensitive(&thresholds), ["b, d: inert"]);
     }
 }

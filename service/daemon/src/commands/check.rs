@@ -1,6 +1,8 @@
 //! `residuald check`: what a configuration means, or what is wrong with it.
 
-use super::achieved::{false_alarms, never_firing, smallest_faults, smallest_margin};
+use super::achieved::{
+    false_alarms, insensitive, never_firing, not_stated, smallest_faults, smallest_margin,
+};
 use super::lines::Lines;
 use crate::configuration::{
     Configuration, DaemonSection, DiagnoserConfiguration, InputConfiguration, RealtimeSection,
@@ -164,14 +166,20 @@ fn achieved(lines: &mut Lines, achieved: &Achieved) {
     if let Some(margin) = smallest_margin(achieved) {
         lines.entry("conditions", margin);
     }
-    if !achieved.faults.is_empty() {
-        lines.entry("detected", smallest_faults(&achieved.faults));
+    if let Some(faults) = smallest_faults(achieved) {
+        lines.entry("detected", faults);
+    }
+    for sizes in not_stated(achieved) {
+        lines.entry("smallest faults", sizes);
     }
     if let Some(alarms) = &achieved.false_alarms {
         lines.entry("false alarms", false_alarms(alarms));
     }
     for channels in never_firing(&achieved.thresholds) {
         lines.entry("never fire", channels);
+    }
+    for channels in insensitive(&achieved.thresholds) {
+        lines.entry("insensitive", channels);
     }
 }
 

@@ -8,7 +8,8 @@ use residual_diagnosis::gains::SolverRun;
 use residual_diagnosis::gains::file::{Entry, GainsFile};
 
 use super::achieved::{
-    delay_table, false_alarms, fault_table, isolability_matrix, norm, number, poles, smallest_margin,
+    delay_table, false_alarms, fault_table, isolability_matrix, norm, not_stated, number, poles,
+    smallest_margin,
 };
 use super::lines::Lines;
 use crate::configuration::gains::{parse_gains, read};
@@ -84,9 +85,12 @@ fn entry(lines: &mut Lines, entry: &Entry) {
             format!("{}, margin {}", inequality.name, number(inequality.margin)),
         );
     }
-    if !achieved.faults.is_empty() {
+    if let Some(faults) = fault_table(achieved) {
         lines.heading("  smallest constant faults".to_owned());
-        lines.block(&fault_table(&achieved.faults).to_string());
+        lines.block(&faults.to_string());
+    }
+    for sizes in not_stated(achieved) {
+        lines.entry("smallest faults", sizes);
     }
     if let Some(delays) = delay_table(&achieved.faults) {
         lines.heading("  worst delay of detection, by the size of the fault".to_owned());
@@ -97,13 +101,16 @@ fn entry(lines: &mut Lines, entry: &Entry) {
         lines.block(&matrix.to_string());
     }
     for threshold in &achieved.thresholds {
-        let dead = match &threshold.never_fires {
-            Some(reason) => format!("; never fires: {reason}"),
-            None => String::new(),
-        };
+        let said = [
+            ("never fires", &threshold.never_fires),
+            ("insensitive", &threshold.insensitive),
+        ];
+        let said = said.into_iter();
+        let said = said.filter_map(|(what, reason)| Some(format!("; {what}: {}", reason.as_ref()?)));
+        let value = number(threshold.settled);
         lines.entry(
             "threshold",
-            format!("{}: {}{dead}", threshold.channel, number(threshold.settled)),
+            format!("{}: {value}{}", threshold.channel, said.collect::<String>()),
         );
     }
     for run in &entry.solver {

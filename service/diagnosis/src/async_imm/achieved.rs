@@ -8,7 +8,9 @@ use super::{
     settings::Settings,
 };
 use crate::{
-    achieved::{Achieved, FalseAlarms, Inequality, Poles, Separation, Threshold, TimeDomain},
+    achieved::{
+        Achieved, FalseAlarms, Inequality, Need, NotStated, Poles, Separation, SizeOf, Threshold, TimeDomain,
+    },
     riccati::{Covariances, dare},
 };
 use nalgebra::DMatrix;
@@ -28,6 +30,7 @@ pub(super) fn achieved(
         channel,
         settled: rule.threshold,
         never_fires: None,
+        insensitive: None,
     };
     let faulty = || design.modes.iter().enumerate().skip(1);
     let probabilities = faulty().map(|(_, mode)| alarm(format!("probability {}", mode.name)));
@@ -36,7 +39,7 @@ pub(super) fn achieved(
             probability_per_instant: None,
             expected_per_hour: None,
             provided_that: format!(
-                "nothing: only a simulation of the sensors' schedule tells how often a probability exceeds {} for {} fusion \
+                "only a simulation of the sensors' schedule tells how often a probability exceeds {} for {} fusion \
                  instants in a row without a fault",
                 rule.threshold, rule.window_steps
             ),
@@ -61,20 +64,35 @@ pub(super) fn achieved(
                     .filter(move |(j, _)| *j != i)
                     .map(move |(j, from)| (i, mode, j, from))
             })
-            .filter(|(i, _, j, _)| {
-                let pair = (*i.min(j), *i.max(j));
-                !report.separable_by_transients_only.contains(&pair)
-            })
-            .map(|(_, mode, _, from)| Separation {
+            .map(|(i, mode, j, from)| Separation {
                 fault: mode.name.clone(),
                 from: from.name.clone(),
+                // The decision's confirmation; the mixing needs more, depending on the data.
                 instants: Some(u64::from(rule.window_steps)),
+                need: match report
+                    .separable_by_transients_only
+                    .contains(&(i.min(j), i.max(j)))
+                {
+                    true => Need::Transients,
+                    false => Need::AtLeast,
+                },
             })
             .collect(),
+        not_stated: [SizeOf::Detectable, SizeOf::Isolable].map(not_stated).to_vec(),
         thresholds: std::iter::once(alarm("fault probability".to_owned()))
             .chain(probabilities)
             .collect(),
         ..Achieved::default()
+    }
+}
+
+fn not_stated(size: SizeOf) -> NotStated {
+    NotStated {
+        size,
+        faults: Vec::new(),
+        because: "probabilities of modes depend on the samples that arrive and on the data, through the mixing; the method \
+                  has no formula for them"
+            .to_owned(),
     }
 }
 

@@ -3,20 +3,20 @@
 use super::{
     ChiSquareDiagnoser,
     calibration::targets,
-    engine::EngineDesign,
+    glr::GlrDesign,
     glr_modes::FaultProfile,
     model_options::Schedule,
     options::{ChiSquareOptions, StabilityGuard, StatisticKind, ThresholdMode},
-    sensitivity::{ASSURANCE, HORIZON, Sensitivity, signature_products},
+    sensitivity::{ASSURANCE, Sensitivity, signature_products, signatures},
     steady::SteadyState,
     step_model::StepModel,
 };
 use crate::{
     achieved::{
-        Achieved, Delay, FalseAlarms, FaultSensitivity, Inequality, Norm, Poles, Separation, Threshold,
-        TimeDomain,
+        Achieved, Delay, FalseAlarms, FaultSensitivity, Inequality, Need, Norm, NotStated, Poles, Separation,
+        SizeOf, Threshold, TimeDomain,
     },
-    decomposition::SingularDecomposition,
+    decomposition::SymmetricDecomposition,
     spectrum::spectral_radius,
 };
 use nalgebra::DMatrix;
@@ -40,6 +40,10 @@ impl ChiSquareDiagnoser {
         let (Some(steady), Some(model), Schedule::Constant) =
             (steady, self.plant.models.first(), self.plant.schedule)
         else {
+            let reason = "sizes are computed for a constant model whose filter becomes steady";
+            achieved.not_stated = [SizeOf::Detectable, SizeOf::Isolable]
+                .map(|size| not_stated(size, Vec::new(), reason))
+                .to_vec();
             return achieved;
         };
         let [n, ..] = self.plant.counts();
@@ -67,10 +71,27 @@ impl ChiSquareDiagnoser {
             thresholds: &self.design.thresholds,
         };
         let glr = self.engine.design.glr.as_ref();
-        let products = glr.and_then(|glr| signature_products(&sensitivity, glr));
-        achieved.faults = self.faults(&sensitivity.sizes(products.as_deref()), sample_time_s);
-        if let Some(products) = products {
-            achieved.isolability = self.isolability(&self.engine.design, &products);
+        let signatures = glr.and_then(|glr| signatures(&sensitivity, glr));
+        achieved.faults = self.faults(&sensitivity.sizes(signatures.as_deref()), sample_time_s);
+        if let Some((glr, signatures)) = glr.zip(signatures) {
+            achieved.isolability = self.isolability(glr, &signature_products(&signatures, glr));
+            let reason = "the margin between the likelihood ratios, f²E(1 - c²), is an upper bound: noise, and onsets at which \
+                          another fault fits better, take from it by amounts that have no formula";
+            achieved
+                .not_stated
+                .push(not_stated(SizeOf::Isolable, Vec::new(), reason));
+        }
+        let names = self.description.faults.iter().enumerate();
+        let unknown: Vec<String> = names
+            .filter(|(component, _)| !sensitivity.has_formula(*component))
+            .map(|(_, fault)| fault.clone())
+            .collect();
+        if !unknown.is_empty() {
+            let reason = "no test of `statistics.decision` has a formula for them: `cusum` has none, and `glr` has one for \
+                          step signatures only";
+            achieved
+                .not_stated
+                .push(not_stated(SizeOf::Detectable, unknown, reason));
         }
         achieved
     }
@@ -107,6 +128,7 @@ impl ChiSquareDiagnoser {
                 channel: format!("innovation_{i}"),
                 settled: thresholds.deviations * steady.innovation_covariance[(i, i)].max(0.0).sqrt(),
                 never_fires: Some("for information: innovations are judged together".to_owned()),
+                insensitive: None,
             })
             .collect();
         for kind in &options.statistics.enabled {
@@ -117,6 +139,7 @@ impl ChiSquareDiagnoser {
                     channel,
                     settled,
                     never_fires: silent.clone(),
+                    insensitive: None,
                 });
             };
             let of = |list: &[f64], degrees: usize| list.get(degrees).copied().unwrap_or(f64::INFINITY);
@@ -148,40 +171,32 @@ impl ChiSquareDiagnoser {
 
     fn faults(&self, sizes: &[Vec<f64>], sample_time_s: f64) -> Vec<FaultSensitivity> {
         let named = self.description.faults.iter().zip(sizes);
-        let of_component = named.enumerate().filter_map(|(component, (fault, sizes))| {
-            let detectable = sizes.last().copied().filter(|size| size.is_finite())?;
-            let mut delays: Vec<Delay> = Vec::new();
-            for k in DELAYS.into_iter().filter(|k| *k <= HORIZON) {
-                let Some(&size) = sizes.get(k - 1).filter(|size| size.is_finite()) else {
-                    continue;
-                };
-                if delays.last().is_none_or(|before| size < before.size) {
-                    delays.push(Delay {
-                        within_s: (k - 1) as f64 * sample_time_s,
-                        size,
-                    });
-                }
-            }
+        let of_component = named.enumerate().map(|(component, (fault, sizes))| {
+            let delays = DELAYS.into_iter().filter_map(|k| {
+                Some(Delay {
+                    within_s: (k - 1) as f64 * sample_time_s,
+                    size: *sizes.get(k - 1)?,
+                })
+            });
             let channel = self
                 .description
                 .channels
                 .get(component)
                 .filter(|_| component < self.engine.design.measurements);
-            Some(FaultSensitivity {
+            FaultSensitivity {
                 fault: fault.clone(),
                 unit: channel.map_or_else(String::new, |channel| channel.unit.clone()),
                 assurance: ASSURANCE,
-                detectable: Some(detectable),
+                detectable: sizes.last().copied().filter(|size| size.is_finite()),
                 isolable: None,
-                delays,
-            })
+                delays: Delay::worth_stating(delays),
+            }
         });
         of_component.collect()
     }
 
     /// From which instant on the signature of a step differs from all signatures of another component.
-    fn isolability(&self, design: &EngineDesign, products: &[DMatrix<f64>]) -> Vec<Separation> {
-        let Some(glr) = &design.glr else { return Vec::new() };
+    fn isolability(&self, glr: &GlrDesign, products: &[DMatrix<f64>]) -> Vec<Separation> {
         let modes = || glr.modes.iter().enumerate();
         let faults = &self.description.faults;
         let mut all = Vec::new();
@@ -203,6 +218,7 @@ impl ChiSquareDiagnoser {
                     fault: fault.clone(),
                     from: from.clone(),
                     instants: products.iter().position(differs).map(|age| age as u64 + 1),
+                    need: Need::Instants,
                 });
             }
         }
@@ -242,7 +258,7 @@ fn false_alarms(options: &ChiSquareOptions, sample_time_s: f64) -> FalseAlarms {
             probability_per_instant: None,
             expected_per_hour: None,
             provided_that: format!(
-                "nothing: the threshold of {} is fixed by the configuration; leave it out to have it calibrated",
+                "the threshold of {} is fixed by the configuration; leave it out to have it calibrated",
                 unknown.join(", ")
             ),
         };
@@ -278,11 +294,19 @@ fn norms(steady: &SteadyState) -> Vec<Norm> {
     norms
 }
 
+fn not_stated(size: SizeOf, faults: Vec<String>, because: &str) -> NotStated {
+    NotStated {
+        size,
+        faults,
+        because: because.to_owned(),
+    }
+}
+
 /// Smallest eigenvalue of R scaled to unit diagonal.
 fn smallest_eigenvalue_of_noise(model: &StepModel) -> f64 {
     let r = model.measurement_noise.to_dense();
     let scaled = DMatrix::from_fn(r.nrows(), r.ncols(), |i, j| {
         r[(i, j)] / (r[(i, i)] * r[(j, j)]).sqrt()
     });
-    SingularDecomposition::new(&scaled).smallest()
+    SymmetricDecomposition::new(&scaled).smallest()
 }

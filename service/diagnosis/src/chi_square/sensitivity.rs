@@ -1,7 +1,7 @@
 //! The smallest constant faults that are detected with a stated probability, by non-centralities (method sheet 3).
 //!
 //! A unit fault gives each chi-square statistic a non-centrality δ(k), k instants after its onset, and the likelihood
-//! ratio at the true onset the energy E(k); a fault of size f gives f²δ and f²E. The alarm needs c consecutive
+//! ratio of each slot, too: at the true onset the energy E(k); a fault of size f gives f²δ. The alarm needs c consecutive
 //! instants (`alarm.confirm_steps`): each must be missed with (1 - p)/c at most. The best statistic of the decision
 //! at the best instant is a lower bound of the probability that any alarms by then.
 
@@ -35,40 +35,89 @@ pub(super) struct Sensitivity<'a> {
     pub thresholds: &'a Thresholds,
 }
 
-/// Products of the signatures Σ g_i'g_j up to each age, q x q.
-pub(super) fn signature_products(
-    sensitivity: &Sensitivity<'_>,
-    glr: &GlrDesign,
-) -> Option<Vec<DMatrix<f64>>> {
+/// Signatures g of all modes at the ages k - θ = 0, 1, ... of a slot, m x q, as long as anybody looks at them.
+pub(super) fn signatures(sensitivity: &Sensitivity<'_>, glr: &GlrDesign) -> Option<Vec<DMatrix<f64>>> {
     let model = sensitivity.plant.models.first()?;
+    let ages = glr.window_steps.max(HORIZON as u64);
     let design = EngineDesign {
         plain: false,
         pair_reset_steps: None,
         window_steps: Vec::new(),
         cusum_reference: None,
         glr: Some(GlrDesign {
-            stride: glr.window_steps,
+            window_steps: ages,
+            stride: ages,
             ..glr.clone()
         }),
         ..sensitivity.design.clone()
     };
     let z = vec![0.0; design.measurements];
     let mut run = SteadyRun::new(model, design, sensitivity.steady);
-    let mut sum = DMatrix::zeros(glr.modes.len(), glr.modes.len());
-    let mut products = Vec::new();
-    for _ in 0..glr.window_steps {
+    let signature = |_| {
         run.step(&z);
-        let g = run.engine.outcome.glr.as_ref()?.signature.to_dense();
-        sum += g.tr_mul(&g);
-        products.push(sum.clone());
+        Some(run.engine.outcome.glr.as_ref()?.signature.to_dense())
+    };
+    (0..ages).map(signature).collect()
+}
+
+/// Products of the signatures Σ g_i'g_j up to each age of the window, q x q.
+pub(super) fn signature_products(signatures: &[DMatrix<f64>], glr: &GlrDesign) -> Vec<DMatrix<f64>> {
+    let modes = glr.modes.len();
+    let in_window = signatures.iter().zip(0..glr.window_steps);
+    let sums = in_window.scan(DMatrix::zeros(modes, modes), |sum, (g, _)| {
+        *sum += g.tr_mul(g);
+        Some(sum.clone())
+    });
+    sums.collect()
+}
+
+/// What a unit step gives the likelihood ratio at worst, k = 0, 1, ... instants after its onset τ.
+///
+/// A slot that opened at θ = τ + i sees the innovations g(a + i) with its own signature g(a), a = k - θ: its A²/E has the
+/// non-centrality (Σ g(a)'g(a + i))²/Σ g(a)'g(a), which is E at i = 0; in the same way before the onset. Slots open
+/// `stride` apart and are dropped at the age `window`; each τ has its best slot at each instant, and the worst of the
+/// `stride` possible τ counts.
+fn worst_non_centralities(signatures: &[DVector<f64>], window: usize, stride: usize) -> Vec<f64> {
+    let sums = |lag: usize| -> Vec<f64> {
+        let pairs = signatures.iter().zip(signatures.iter().skip(lag));
+        pairs
+            .scan(0.0, |sum, (g, later)| {
+                *sum += g.dot(later);
+                Some(*sum)
+            })
+            .collect()
+    };
+    let energy = sums(0);
+    let squared = |overlap: Option<&f64>, age: usize| match (overlap, energy.get(age)) {
+        (Some(overlap), Some(energy)) if *energy > 0.0 => overlap.powi(2) / energy,
+        _ => 0.0,
+    };
+    let mut worst = vec![f64::INFINITY; HORIZON];
+    for first in 0..stride {
+        let mut best = vec![0.0_f64; HORIZON];
+        for lag in (first..HORIZON).step_by(stride) {
+            let overlap = sums(lag);
+            for (age, best) in best.iter_mut().skip(lag).take(window).enumerate() {
+                *best = best.max(squared(overlap.get(age), age));
+            }
+        }
+        let lag = stride - first;
+        let overlap = sums(lag);
+        for (k, best) in best.iter_mut().take(window.saturating_sub(lag)).enumerate() {
+            *best = best.max(squared(overlap.get(k), k + lag));
+        }
+        worst
+            .iter_mut()
+            .zip(best)
+            .for_each(|(worst, best)| *worst = worst.min(best));
     }
-    Some(products)
+    worst
 }
 
 impl Sensitivity<'_> {
     /// For each component and each number of instants 1 .. `HORIZON` after its onset the smallest constant fault that
     /// is detected by then; infinite if none.
-    pub fn sizes(&self, products: Option<&[DMatrix<f64>]>) -> Vec<Vec<f64>> {
+    pub fn sizes(&self, signatures: Option<&[DMatrix<f64>]>) -> Vec<Vec<f64>> {
         let components = self.design.measurements + self.process_faults();
         let settled = self.settled_run();
         (0..components)
@@ -77,7 +126,8 @@ impl Sensitivity<'_> {
                     Some(run) => self.chi_square_ratios(component, run.clone()),
                     None => Vec::new(),
                 };
-                ratios.extend(products.and_then(|products| self.likelihood_ratios(component, products)));
+                ratios
+                    .extend(signatures.and_then(|signatures| self.likelihood_ratios(component, signatures)));
                 let mut sizes = vec![f64::INFINITY; HORIZON];
                 for ratios in ratios {
                     for (k, size) in sizes.iter_mut().enumerate() {
@@ -211,18 +261,76 @@ impl Sensitivity<'_> {
             .collect()
     }
 
-    /// E(k) of a step of the component over what the likelihood ratio requires; only if every onset has a slot.
-    fn likelihood_ratios(&self, component: usize, products: &[DMatrix<f64>]) -> Option<Vec<f64>> {
-        let glr = self.design.glr.as_ref().filter(|glr| glr.stride == 1)?;
-        if !self.decides(StatisticKind::Glr) {
-            return None;
-        }
+    /// What a unit step of the component gives the likelihood ratio over what it requires.
+    fn likelihood_ratios(&self, component: usize, signatures: &[DMatrix<f64>]) -> Option<Vec<f64>> {
+        let glr = self.design.glr.as_ref()?;
+        let mode = self.deciding_step_mode(component)?;
+        let needed = required_non_centrality(self.thresholds.glr, 1, self.probability())?;
+        let signatures: Vec<DVector<f64>> = signatures.iter().map(|g| g.column(mode).into_owned()).collect();
+        let [window, stride] = [glr.window_steps, glr.stride.max(1)].map(|steps| steps as usize);
+        let mut ratios = worst_non_centralities(&signatures, window, stride);
+        ratios.iter_mut().for_each(|ratio| *ratio /= needed);
+        Some(ratios)
+    }
+
+    /// The mode of a step of the component, if the likelihood ratio decides and looks for it.
+    fn deciding_step_mode(&self, component: usize) -> Option<usize> {
+        let glr = self
+            .design
+            .glr
+            .as_ref()
+            .filter(|_| self.decides(StatisticKind::Glr))?;
         let step =
             |mode: &super::FaultMode| mode.component == component && mode.profile == FaultProfile::Step;
-        let mode = glr.modes.iter().position(step)?;
-        let needed = required_non_centrality(self.thresholds.glr, 1, self.probability())?;
-        let last = products.last()?[(mode, mode)];
-        let energy = |k: usize| products.get(k).map_or(last, |products| products[(mode, mode)]);
-        Some((0..HORIZON).map(|k| energy(k) / needed).collect())
+        glr.modes.iter().position(step)
+    }
+
+    /// Whether a deciding test has a formula for constant faults of the component.
+    pub fn has_formula(&self, component: usize) -> bool {
+        let chi_square = [
+            StatisticKind::Residual,
+            StatisticKind::StatePlain,
+            StatisticKind::StateWindow,
+            StatisticKind::StateTwoPropagator,
+        ];
+        chi_square.into_iter().any(|kind| self.decides(kind)) || self.deciding_step_mode(component).is_some()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The signature of a sensor step in a filter that takes it for real bit by bit: g(a) = 0.8ᵃ.
+    fn fading() -> Vec<DVector<f64>> {
+        (0..HORIZON)
+            .map(|age| DVector::from_element(1, 0.8_f64.powi(age as i32)))
+            .collect()
+    }
+
+    #[test]
+    fn with_a_slot_at_every_onset_the_energy_of_the_signature_counts_while_the_slot_lives() {
+        let found = worst_non_centralities(&fading(), 10, 1);
+        let mut energy = 0.0;
+        for (k, found) in found.iter().take(10).enumerate() {
+            energy += 0.64_f64.powi(k as i32);
+            assert!((found - energy).abs() < 1e-12, "{k}: {found} {energy}");
+        }
+        // Later slots see the rest of it: with g(a + i) = 0.8ⁱ g(a) that is 0.64ⁱ E, here i = 1, 2, ...
+        for (i, found) in found.iter().skip(10).take(5).enumerate() {
+            let rest = 0.64_f64.powi(i as i32 + 1) * energy;
+            assert!((found - rest).abs() < 1e-12, "{i}: {found} {rest}");
+        }
+    }
+
+    #[test]
+    fn wider_strides_show_less() {
+        let found = [1, 2, 4].map(|stride| worst_non_centralities(&fading(), 20, stride));
+        for pair in found.windows(2) {
+            for (narrow, wide) in pair[0].iter().zip(&pair[1]) {
+                assert!(wide <= &(narrow * (1.0 + 1e-12)));
+            }
+        }
+        assert!(found[2][5] > 0.3 * found[0][5] && found[2][5] < 0.99 * found[0][5]);
     }
 }

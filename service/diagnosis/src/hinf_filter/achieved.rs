@@ -12,8 +12,8 @@ use super::{
     verified::CheckedBlind,
 };
 use crate::achieved::{
-    Achieved, Delay, FalseAlarms, FaultSensitivity, Inequality, Norm, Poles, Separation,
-    Threshold as Settled, TimeDomain,
+    Achieved, Delay, FalseAlarms, FaultSensitivity, Inequality, Need, Norm, NotStated, Poles, Separation,
+    SizeOf, Threshold as Settled, TimeDomain,
 };
 use crate::decomposition::{SingularDecomposition, eigenvalues};
 use nalgebra::{Complex, DMatrix};
@@ -59,6 +59,7 @@ impl Assembly<'_> {
             poles: self.poles(),
             inequalities: self.inequalities(),
             faults: self.faults(&seen),
+            not_stated: self.not_stated(&seen),
             isolability: self.isolability(&seen),
             thresholds: self.thresholds(&seen),
         }
@@ -96,7 +97,7 @@ impl Assembly<'_> {
                     self.conditions()
                 ),
             ),
-            Guarantee::None(reason) => (None, format!("no statement is possible: {reason}")),
+            Guarantee::None(reason) => (None, reason.clone()),
         };
         let instants = 3600.0 / self.problem.sampled.sample_time_s;
         FalseAlarms {
@@ -288,6 +289,27 @@ impl Assembly<'_> {
             .collect()
     }
 
+    /// Sizes need bounds that are guaranteed, and peak tests of them.
+    fn not_stated(&self, seen: &[Option<Vec<Visibility>>]) -> Vec<NotStated> {
+        let untested = "only the peak test has a formula for constant faults, and it is off";
+        let because = |untested_filter: bool| match self.guarantee {
+            Guarantee::None(reason) => Some(reason.clone()),
+            _ => untested_filter.then(|| untested.to_owned()),
+        };
+        let blind = seen.get(1..=self.bank()).unwrap_or_default();
+        let detectable = because(seen.first().is_none_or(Option::is_none));
+        let isolable = because(blind.iter().any(Option::is_none)).filter(|_| self.bank() > 0);
+        let sizes = [(SizeOf::Detectable, detectable), (SizeOf::Isolable, isolable)];
+        let sizes = sizes.into_iter().filter_map(|(size, because)| {
+            Some(NotStated {
+                size,
+                faults: Vec::new(),
+                because: because?,
+            })
+        });
+        sizes.collect()
+    }
+
     /// Blind filters that tell fault `j` from fault `other`, with what they see of `j`.
     fn separating<'a>(
         &'a self,
@@ -331,6 +353,7 @@ impl Assembly<'_> {
                     fault: fault.clone(),
                     from: from.clone(),
                     instants: instants.map(|instants| instants as u64),
+                    need: Need::Instants,
                 });
             }
         }
@@ -350,11 +373,12 @@ impl Assembly<'_> {
                 .map_or(&[][..], |i| &self.problem.faults.blind[i]);
             let prefix = prefix(&self.problem.faults, i);
             // Over all samples since the start the threshold never settles.
-            if let Some((settled, never_fires)) = self.settled_energy(running) {
+            if let Some((settled, insensitive)) = self.settled_energy(running) {
                 found.push(Settled {
                     channel: format!("{prefix}energy"),
                     settled,
-                    never_fires,
+                    never_fires: None,
+                    insensitive,
                 });
             }
             let Threshold::Guaranteed(bounds) = &running.filter.threshold else {
@@ -366,20 +390,22 @@ impl Assembly<'_> {
                 .take(running.filter.tested)
                 .enumerate()
             {
+                let (never_fires, insensitive) = match seen {
+                    None => (Some("it is not tested".to_owned()), None),
+                    Some(seen) => self.unseen(seen, row, blind),
+                };
                 found.push(Settled {
                     channel: format!("{prefix}r{}", row + 1),
                     settled: bound,
-                    never_fires: match seen {
-                        None => Some("it is not tested".to_owned()),
-                        Some(seen) => self.unseen(seen, row, blind),
-                    },
+                    never_fires,
+                    insensitive,
                 });
             }
         }
         found
     }
 
-    /// Threshold of a filter's energy, and why it never alarms; `None` over all samples, where it grows.
+    /// Threshold of a filter's energy, and why it never alarms first; `None` over all samples, where it grows.
     fn settled_energy(&self, running: &RunningFilter<'_>) -> Option<(f64, Option<String>)> {
         let bounds = match &running.filter.threshold {
             Threshold::Constant(threshold) => return Some((*threshold, None)),
@@ -394,20 +420,21 @@ impl Assembly<'_> {
         Some((energy, preceded.then(|| first.to_owned())))
     }
 
-    /// Why no fault moves a residual beyond its bound for sure.
-    fn unseen(&self, seen: &[Visibility], row: usize, blind: &[usize]) -> Option<String> {
+    /// Why no fault moves a residual at all, or none that is declared moves it beyond its bound for sure.
+    fn unseen(&self, seen: &[Visibility], row: usize, blind: &[usize]) -> (Option<String>, Option<String>) {
         let faults = seen.iter().enumerate().filter(|(j, _)| !blind.contains(j));
         let sizes: Vec<(usize, f64)> = faults
             .map(|(j, fault)| (j, fault.by_row.get(row).copied().unwrap_or(f64::INFINITY)))
             .collect();
         if sizes.iter().all(|(_, size)| size.is_infinite()) {
-            return Some("no fault reaches this residual".to_owned());
+            return (Some("no fault reaches this residual".to_owned()), None);
         }
         let declared = self.options.isolation.is_some();
         let beyond = sizes
             .iter()
             .all(|(j, size)| *size > self.problem.faults.bound[*j]);
-        (declared && beyond).then(|| "no fault within its declared bound is sure to exceed it".to_owned())
+        let small = "no fault within its declared bound is sure to exceed it";
+        (None, (declared && beyond).then(|| small.to_owned()))
     }
 
     fn estimates(&self, running: &RunningFilter<'_>, found: &mut Vec<Settled>) {
@@ -419,6 +446,7 @@ impl Assembly<'_> {
                 channel: format!("fault_estimate_{name}"),
                 settled: bound,
                 never_fires: Some("it is an estimate, no test".to_owned()),
+                insensitive: None,
             });
         }
     }

@@ -9,7 +9,7 @@ use super::{
     options::Mode,
 };
 use crate::{
-    achieved::{Achieved, FalseAlarms, Inequality, Norm, Poles, Threshold, TimeDomain},
+    achieved::{Achieved, FalseAlarms, Inequality, Norm, NotStated, Poles, SizeOf, Threshold, TimeDomain},
     decomposition::{SingularDecomposition, eigenvalues},
 };
 use nalgebra::DMatrix;
@@ -31,8 +31,15 @@ pub(super) fn achieved(design: &Design, baseline: &[f64], sample_time_s: f64) ->
             channel: format!("output_{i}"),
             settled: *settled,
             never_fires: None,
+            insensitive: None,
         });
         achieved.thresholds = outputs.collect();
+        let not_stated = |size| NotStated {
+            size,
+            faults: Vec::new(),
+            because: "`bounds.mode` is one for comparison, which guarantees nothing".to_owned(),
+        };
+        achieved.not_stated = [SizeOf::Detectable, SizeOf::Isolable].map(not_stated).to_vec();
         return achieved;
     }
     achieved.false_alarms = Some(FalseAlarms {
@@ -163,19 +170,13 @@ fn thresholds(design: &Design) -> Vec<Threshold> {
                     .and_then(|bounds| bounds.get(j))
                     .is_some_and(|most| floor > most)
             };
+            let blind = floors.iter().all(|floor| floor.is_infinite());
+            let small = "no constant fault within `isolation.fault_bound` is certain to leave its bounds";
             Threshold {
                 channel: channel.name,
                 settled: half_width[0],
-                never_fires: if floors.iter().all(|floor| floor.is_infinite()) {
-                    Some("it sees no fault of any actuator".to_owned())
-                } else if floors.iter().enumerate().all(beyond) {
-                    Some(
-                        "no constant fault within `isolation.fault_bound` is certain to leave its bounds"
-                            .to_owned(),
-                    )
-                } else {
-                    None
-                },
+                never_fires: blind.then(|| "it sees no fault of any actuator".to_owned()),
+                insensitive: (!blind && floors.iter().enumerate().all(beyond)).then(|| small.to_owned()),
             }
         })
         .collect()

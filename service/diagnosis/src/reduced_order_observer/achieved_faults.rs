@@ -11,7 +11,7 @@ use super::{
     floors::{certain_sizes, confirmed_sizes},
     observer_design::ObserverDesign,
 };
-use crate::achieved::{Delay, FaultSensitivity, Separation};
+use crate::achieved::{Delay, FaultSensitivity, Need, Separation};
 
 /// Samples after the onset of a fault that the delay curve states.
 const DELAYS: [usize; 10] = [1, 2, 3, 5, 10, 20, 30, 50, 100, 200];
@@ -40,7 +40,7 @@ impl<'a> Faults<'a> {
             .map(|(actuator, name)| {
                 let detected = confirmed_sizes(&self.sizes_of_all(actuator), self.consecutive);
                 let delays = DELAYS.iter().filter_map(|&k| {
-                    let size = detected.get(k).copied().filter(|size| size.is_finite())?;
+                    let size = detected.get(k).copied()?;
                     let within_s = k as f64 * sample_time_s;
                     Some(Delay { within_s, size })
                 });
@@ -50,7 +50,7 @@ impl<'a> Faults<'a> {
                     assurance: 1.0,
                     detectable: smallest(&detected),
                     isolable: self.isolable(actuator, &detected),
-                    delays: delays.collect(),
+                    delays: Delay::worth_stating(delays),
                 }
             })
             .collect()
@@ -74,6 +74,7 @@ impl<'a> Faults<'a> {
                     fault: self.names[there].clone(),
                     from: self.names[from].clone(),
                     instants: first.and_then(|k| u64::try_from(k).ok()),
+                    need: Need::Instants,
                 }
             })
             .collect()

@@ -13,7 +13,8 @@ use super::{
 };
 use crate::{
     achieved::{
-        Achieved, Delay, FalseAlarms, FaultSensitivity, Inequality, Norm, Poles, Separation, TimeDomain,
+        Achieved, Delay, FalseAlarms, FaultSensitivity, Inequality, Need, Norm, NotStated, Poles, Separation,
+        SizeOf, TimeDomain,
     },
     matrix::Matrix,
     model::LinearModel,
@@ -74,6 +75,7 @@ impl<'a> Inspection<'a> {
             poles: self.poles(),
             inequalities: self.inequalities(),
             faults: self.faults(sample_time_s),
+            not_stated: self.not_stated(),
             isolability: self.isolability(),
             thresholds: self.thresholds(),
         }
@@ -110,10 +112,9 @@ impl<'a> Inspection<'a> {
             Form::Kalman3Sigma => FalseAlarms {
                 probability_per_instant: None,
                 expected_per_hour: None,
-                provided_that:
-                    "nothing: this baseline guarantees nothing and its thresholds at 3σ alarm as often as \
+                provided_that: "this baseline guarantees nothing and its thresholds at 3σ alarm as often as \
                                 the true noise, which is unknown, lets them"
-                        .to_owned(),
+                    .to_owned(),
             },
         }
     }
@@ -209,25 +210,31 @@ impl<'a> Inspection<'a> {
         let actuators = self.model.actuators().iter().zip(&self.sizes);
         let of_actuator = actuators.filter_map(|(actuator, sizes)| {
             let last = sizes.last()?;
-            let mut delays: Vec<Delay> = Vec::new();
-            for size in sizes.iter().filter(|size| size.detectable.is_finite()) {
-                if delays.last().is_none_or(|before| size.detectable < before.size) {
-                    delays.push(Delay {
-                        within_s: size.samples as f64 * sample_time_s,
-                        size: size.detectable,
-                    });
-                }
-            }
+            let delays = sizes.iter().map(|size| Delay {
+                within_s: size.samples as f64 * sample_time_s,
+                size: size.detectable,
+            });
             Some(FaultSensitivity {
                 fault: actuator.name.clone(),
                 unit: actuator.unit.clone(),
                 assurance: 1.0,
                 detectable: finite(last.detectable),
                 isolable: finite(last.isolable),
-                delays,
+                delays: Delay::worth_stating(delays),
             })
         });
         of_actuator.collect()
+    }
+
+    fn not_stated(&self) -> Vec<NotStated> {
+        let baseline = self.options.filter.form == Form::Kalman3Sigma;
+        let not_stated = |size| NotStated {
+            size,
+            faults: Vec::new(),
+            because: "this baseline guarantees nothing".to_owned(),
+        };
+        let sizes = [SizeOf::Detectable, SizeOf::Isolable].into_iter();
+        sizes.filter(|_| baseline).map(not_stated).collect()
     }
 
     fn isolability(&self) -> Vec<Separation> {
@@ -237,6 +244,7 @@ impl<'a> Inspection<'a> {
                 fault: self.model.actuators()[pair.actuator].name.clone(),
                 from: self.describe(pair.mode),
                 instants: pair.samples.map(|samples| samples as u64),
+                need: Need::Instants,
             })
             .collect()
     }

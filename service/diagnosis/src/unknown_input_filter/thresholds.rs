@@ -4,7 +4,7 @@ use super::{achieved::Inspection, modes::FaultMode, sensitivity::certificate_flo
 use crate::achieved::Threshold;
 
 impl Inspection<'_> {
-    /// The bounds of all tests in the settled state, and which of them can never alarm.
+    /// The bounds of all tests in the settled state, and which of them can never alarm or are inert.
     pub fn thresholds(&self) -> Vec<Threshold> {
         let mut all = Vec::new();
         for (mode, filter, settled) in self.filters() {
@@ -37,7 +37,8 @@ impl Inspection<'_> {
                 all.push(Threshold {
                     channel: format!("{prefix}_parity_{}_{}", test.fault(), test.length()),
                     settled: test.half_width_at(&self.bank.nominal.state),
-                    never_fires: self.inert(test.fault(), floor),
+                    never_fires: None,
+                    insensitive: self.inert(test.fault(), floor),
                 });
             }
         }
@@ -53,20 +54,24 @@ impl Inspection<'_> {
         responses: Option<Vec<f64>>,
         mode: FaultMode,
     ) -> Threshold {
-        let never_fires = match half_width {
-            None => Some(
-                "blind: the faults of the mode reach this output alone, so that nothing is left to test"
-                    .to_owned(),
+        let never_fires = half_width.is_none().then(|| {
+            "blind: the faults of the mode reach this output alone, so that nothing is left to test"
+                .to_owned()
+        });
+        let insensitive = match half_width {
+            None => None,
+            Some(_) if settled.grows => Some(
+                "the set of the filter grows without end, and this bound with it, so that no fault is sure to exceed \
+                 it"
+                .to_owned(),
             ),
-            Some(_) if settled.grows => {
-                Some("the set of the filter grows without end, and this bound with it".to_owned())
-            }
             Some(half_width) => responses.and_then(|responses| self.inert_row(mode, half_width, &responses)),
         };
         Threshold {
             channel,
             settled: half_width.unwrap_or(0.0),
             never_fires,
+            insensitive,
         }
     }
 
@@ -85,7 +90,8 @@ impl Inspection<'_> {
         (floor > interest).then(|| {
             let actuator = &self.model.actuators()[actuator].name;
             format!(
-                "inert: no fault of {actuator} as small as `filter.fault_of_interest` is certain to exceed it"
+                "inert (THRESHOLD_INERT): no fault of {actuator} as small as `filter.fault_of_interest` is certain to \
+                 exceed it"
             )
         })
     }

@@ -1,7 +1,7 @@
 //! What a bank of mode filters states that it achieves.
 
 use crate::configuration::{example, options};
-use residual_diagnosis::achieved::Achieved;
+use residual_diagnosis::achieved::{Achieved, Need, SizeOf};
 use residual_diagnosis::async_imm::options::AsyncImmTables;
 use residual_diagnosis::method::MethodOptions;
 
@@ -33,16 +33,29 @@ fn thresholds_and_gaps_of_the_papers_plant_are_stated_and_no_rate_is_made_up() {
             .iter()
             .all(|gap| (gap.margin - 0.905).abs() < 5e-4)
     );
-    let alarms = found.false_alarms.unwrap();
+    let alarms = found.false_alarms.as_ref().unwrap();
     assert_eq!(
         (alarms.probability_per_instant, alarms.expected_per_hour),
         (None, None)
     );
     assert!(alarms.provided_that.contains("simulation") && alarms.provided_that.contains("0.9 for 2"));
     assert!(found.faults.is_empty());
-    // A declaration takes L = 2 instants.
+    for size in [SizeOf::Detectable, SizeOf::Isolable] {
+        assert!(
+            found
+                .not_stated
+                .iter()
+                .any(|not| not.size == size && not.faults.is_empty())
+        );
+    }
+    // A declaration takes L = 2 instants at least.
     assert_eq!(found.isolability.len(), 2);
-    assert!(found.isolability.iter().all(|pair| pair.instants == Some(2)));
+    assert!(
+        found
+            .isolability
+            .iter()
+            .all(|pair| pair.instants == Some(2) && pair.need == Need::AtLeast)
+    );
 }
 
 #[test]
@@ -61,11 +74,16 @@ fn only_modes_whose_filter_becomes_steady_have_poles() {
 }
 
 #[test]
-fn modes_that_only_transients_tell_apart_are_not_said_to_be_isolable() {
+fn modes_that_only_transients_tell_apart_are_said_to_be_so() {
     let mut tables = options(example());
     // Both channels act through the same column.
     for row in &mut tables.plant.f {
         row[1] = row[0] * 2.0;
     }
-    assert!(achieved(&tables).isolability.is_empty());
+    let found = achieved(&tables).isolability;
+    assert_eq!(found.len(), 2);
+    assert!(
+        found.iter().all(|pair| pair.need == Need::Transients),
+        "{found:?}"
+    );
 }

@@ -3,7 +3,7 @@
 use crate::common::{ALL, assert_near, diagnoser, longitudinal, only, scalar, step, without_calibration};
 use crate::plant::Plant;
 use residual_diagnosis::{
-    achieved::Achieved,
+    achieved::{Achieved, SizeOf},
     chi_square::{ChiSquareOptions, Signature, StabilityGuard, StatisticKind, ThresholdMode},
     gains::file::{Entry, TOLERANCE},
     method::MethodOptions,
@@ -64,12 +64,12 @@ fn rates_over_a_run_become_rates_per_instant_and_fixed_thresholds_have_none() {
 }
 
 /// Share of runs that alarm within `instants` of the onset of a fault of this size in the sensor.
-fn detected(options: &ChiSquareOptions, size: f64, instants: usize) -> f64 {
+fn detected(options: &ChiSquareOptions, size: f64, before: usize, instants: usize) -> f64 {
     const RUNS: u64 = 300;
     let alarmed = |seed: &u64| {
         let mut plant = Plant::new(options, *seed);
         let mut diagnoser = diagnoser(options);
-        for _ in 0..40 {
+        for _ in 0..before {
             step(&mut diagnoser, &plant.next(&[], &[]), &[]);
         }
         (0..instants).any(|_| {
@@ -101,13 +101,46 @@ fn a_fault_of_the_stated_size_is_detected_in_time_with_the_stated_probability() 
             "{delays:?}"
         );
         for delay in fault.delays.iter().filter(|delay| delay.within_s < 30.0) {
-            let share = detected(&options, delay.size, delay.within_s as usize + 1);
+            let share = detected(&options, delay.size, 40, delay.within_s as usize + 1);
             assert!(share > 0.9 - 0.055, "{kind:?} {delay:?}: {share}");
             if kind == StatisticKind::Residual && delay.within_s == 0.0 {
                 assert!(share < 0.9 + 0.055, "{share}");
             }
         }
     }
+}
+
+#[test]
+fn slots_four_instants_apart_detect_a_fault_of_the_stated_size_whenever_it_sets_in() {
+    let mut options = only(without_calibration(scalar(0.8)), StatisticKind::Glr);
+    options.glr.window_steps = 30;
+    let close = achieved(&options).faults[0].detectable.unwrap();
+    options.glr.onset_stride_steps = 4;
+    let found = achieved(&options);
+    assert!(found.faults[0].detectable.unwrap() > close);
+    for before in 40..44 {
+        for delay in found.faults[0]
+            .delays
+            .iter()
+            .filter(|delay| delay.within_s < 30.0)
+        {
+            let share = detected(&options, delay.size, before, delay.within_s as usize + 1);
+            assert!(share > 0.9 - 0.055, "{before} {delay:?}: {share}");
+        }
+    }
+}
+
+#[test]
+fn sizes_without_a_formula_are_not_stated() {
+    let found = achieved(&only(without_calibration(scalar(0.8)), StatisticKind::Cusum));
+    let fault = &found.faults[0];
+    assert_eq!(fault.detectable, None);
+    assert!(found.is_not_stated(SizeOf::Detectable, &fault.fault));
+    assert!(found.not_stated[0].because.contains("`cusum`"));
+    let found = achieved(&only(without_calibration(scalar(0.8)), StatisticKind::Glr));
+    let fault = &found.faults[0];
+    assert!(fault.detectable.is_some() && !found.is_not_stated(SizeOf::Detectable, &fault.fault));
+    assert!(found.is_not_stated(SizeOf::Isolable, &fault.fault));
 }
 
 #[test]

@@ -190,13 +190,15 @@ fn settled_thresholds_are_those_of_the_channels() {
 }
 
 #[test]
-fn channels_that_never_fire_are_named() {
+fn channels_that_are_sure_of_nothing_are_named() {
     let reason = |achieved: &Achieved, channel: &str| {
         let found = achieved
             .thresholds
             .iter()
             .find(|threshold| threshold.channel == channel);
-        found.unwrap().never_fires.clone()
+        let found = found.unwrap();
+        assert_eq!(found.never_fires, None, "{found:?}");
+        found.insensitive.clone()
     };
     // [1, -1] sees no disturbance; the second fault acts on the first state alone.
     let found = achieved(RICCATI, "");

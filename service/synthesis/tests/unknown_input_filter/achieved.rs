@@ -132,28 +132,35 @@ fn an_s_near_a_left_inverse_of_c_is_warned_of() {
 }
 
 #[test]
-fn blind_rows_and_inert_tests_are_said_never_to_fire() {
+fn blind_rows_are_said_never_to_fire_and_inert_tests_to_be_insensitive() {
     let designed = design(&tables(
         "[model]\nA = [[0.9, 0], [0, 0.9]]\nB = [[1, 0], [0, 1]]\nC = [[1, 0], [0, 1]]\n\
          D = [[1, 0], [0, 1]]\ndisturbance_bound = [1, 1]\nmeasurement_noise_bound = [0.1, 0.1]\n\
          [missing]\npolicy = \"unbounded_fault\"\n[parity]\nlengths = [1]\n\
          [filter]\nfault_of_interest = [2.0, 3.0]\n",
     ));
-    let reason = |channel: &str| {
-        let all = &designed.achieved.thresholds;
-        all.iter()
-            .find(|threshold| threshold.channel == channel)
-            .unwrap()
-            .never_fires
-            .clone()
+    let threshold = |channel: &str| {
+        let mut all = designed.achieved.thresholds.iter();
+        all.find(|threshold| threshold.channel == channel).unwrap()
     };
-    assert!(reason("mode_0_output_0").unwrap().contains("blind"));
-    assert!(reason("mode_1_output_1").unwrap().contains("blind"));
-    assert_eq!(reason("mode_0_output_1"), None);
+    for channel in ["mode_0_output_0", "mode_1_output_1"] {
+        let threshold = threshold(channel);
+        assert!(threshold.never_fires.as_ref().unwrap().contains("blind"));
+        assert_eq!(threshold.insensitive, None);
+    }
+    let sensitive = |channel: &str| {
+        let threshold = threshold(channel);
+        assert_eq!(threshold.never_fires, None);
+        threshold.insensitive.is_none()
+    };
+    assert!(sensitive("mode_0_output_1"));
     // |r| <= 0.1 + 0.9 * 0.1 + 1: one sample sees fault 0 from 2.38 on.
-    assert!(reason("mode_1_parity_0_1").unwrap().contains("inert"));
-    assert!(reason("mode_1_output_0").unwrap().contains("inert"));
-    assert_eq!(reason("mode_0_parity_1_1"), None);
+    for channel in ["mode_1_parity_0_1", "mode_1_output_0"] {
+        assert!(!sensitive(channel));
+        let reason = threshold(channel).insensitive.as_ref().unwrap();
+        assert!(reason.contains("THRESHOLD_INERT"), "{reason}");
+    }
+    assert!(sensitive("mode_0_parity_1_1"));
     near(&[designed.achieved.faults[0].detectable.unwrap()], &[2.38], 1e-6);
     assert!(
         designed
