@@ -5,17 +5,14 @@ use super::{
     claims::{BoundOf, Claims, PaperFilter, PaperNorms, of_faults},
     conditions::Condition,
     error::HinfFilterError,
+    lower_bound::discrete_lower_bound,
     plant::{Plant, SampledPlant},
-    synthesis::discrete_lower_bound,
 };
 use crate::{
     decomposition::{SingularDecomposition, eigenvalues},
     norms::{Norm, System, h_infinity_continuous, h_infinity_discrete, h_minus_continuous, h_minus_discrete},
 };
 use nalgebra::{Complex, DMatrix};
-
-/// The discrete optimum is known from below up to this part (method sheet 3.5).
-const OPTIMUM: f64 = 2e-3;
 
 /// The time domain of a gain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -116,9 +113,8 @@ pub fn certify(
         disturbance: &t_rd,
         fault: &t_rf,
     });
-    let direct = SingularDecomposition::new(&plant.dd).largest();
-    let optimum = match gain.time {
-        Time::Continuous => None,
+    let lower_bound = match gain.time {
+        Time::Continuous => SingularDecomposition::new(&plant.dd).largest(),
         Time::Discrete => discrete_lower_bound(sampled, &plant.c, &plant.dd),
     };
     let (mut conditions, index_confirmed) = of_faults(plant, gain.time, fault.value, &t_rf);
@@ -141,7 +137,7 @@ pub fn certify(
         fault_index: fault_index.value,
         fault_indices: fault_indices.iter().map(|norm| norm.value).collect(),
         gain: SingularDecomposition::new(&gain.matrix).largest(),
-        lower_bound: direct.max(optimum.unwrap_or(0.0) * (1.0 - OPTIMUM)),
+        lower_bound,
         paper: paper.map(|(norms, _)| norms),
         conditions: Vec::new(),
         poles,
@@ -150,7 +146,7 @@ pub fn certify(
         Some((BoundOf::FilteredDisturbance, _)) => &filtered_rd,
         _ => &t_rd,
     };
-    conditions.extend(claims.of_bounds(plant, gain, bounded, &certificate, optimum));
+    conditions.extend(claims.of_bounds(plant, gain, bounded, &certificate));
     certificate.conditions = conditions;
     Ok(certificate)
 }

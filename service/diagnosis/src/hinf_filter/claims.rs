@@ -14,9 +14,8 @@ use crate::{
 };
 use nalgebra::{Complex, DMatrix};
 
-/// How far a bound may lie below what no gain can reach: σ_max(Dd), and the discrete optimum.
-const BELOW_DIRECT: f64 = 1e-6;
-const BELOW_OPTIMUM: f64 = 2e-3;
+/// How far a bound may lie below what no gain can reach, relative: rounding.
+const BELOW_POSSIBLE: f64 = 1e-6;
 /// How far a pole may lie outside a region, relative to its size: the accuracy of a solver.
 const REGION: f64 = 1e-6;
 
@@ -117,14 +116,13 @@ impl Claims {
         found
     }
 
-    /// The conditions on bounds: `optimum` is √λ_max(Ω) of the discrete problem where it is known.
+    /// The conditions on bounds.
     pub(super) fn of_bounds(
         &self,
         plant: &Plant,
         gain: &Gain,
         disturbance: &System,
         certificate: &Certificate,
-        optimum: Option<f64>,
     ) -> Vec<Condition> {
         let mut found = Vec::new();
         let Some((of, bound)) = self.bound else {
@@ -155,18 +153,19 @@ impl Claims {
             let Some(value) = value else { continue };
             found.push(Condition {
                 name: format!("{name} >= σ_max of the direct term"),
-                margin: value - direct * (1.0 - BELOW_DIRECT),
+                margin: value - direct * (1.0 - BELOW_POSSIBLE),
                 sharp: false,
                 code: "below_lower_bound",
                 violation: format!("{name} {value} is below σ_max(Dd) = {direct}"),
             });
-            if let Some(optimum) = optimum.filter(|_| of != BoundOf::FilteredDisturbance) {
+            if gain.time == Time::Discrete && of != BoundOf::FilteredDisturbance {
+                let least = certificate.lower_bound;
                 found.push(Condition {
                     name: format!("{name} >= what no discrete gain can undercut"),
-                    margin: value - optimum * (1.0 - BELOW_OPTIMUM),
+                    margin: value - least * (1.0 - BELOW_POSSIBLE),
                     sharp: false,
                     code: "below_lower_bound",
-                    violation: format!("{name} {value} is below {optimum}, the least of any gain"),
+                    violation: format!("{name} {value} is below {least}, the least of any gain"),
                 });
             }
         }

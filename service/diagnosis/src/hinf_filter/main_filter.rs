@@ -22,6 +22,8 @@ const RICCATI: f64 = 1e-8;
 /// The filter in force.
 #[derive(Clone, Debug)]
 pub(super) struct MainFilter {
+    /// The design of its gains.
+    pub design: DesignType,
     /// Its certificate: of L, or of H where the realisation holds the samples.
     pub certificate: Certificate,
     /// Of H, where its average is in force.
@@ -84,6 +86,7 @@ impl MainFilter {
             None => (certificate, None),
         };
         Ok(Self {
+            design: gains.design,
             certificate,
             continuous,
             closed,
@@ -205,15 +208,16 @@ fn accept(certificate: &Certificate, options: &HinfFilterOptions) -> Result<(), 
     }
 }
 
-/// Whether these gains may stand for the configured design: of that design, or of the Riccati design that takes the
-/// place of a failed search by matrix inequalities.
+/// Whether these gains may stand for the configured design: of that design, or of the Riccati design of the same time
+/// domain, which takes the place of a failed search by matrix inequalities; and whether they hold all that proves them
+/// and nothing that nobody checks.
 fn check_origin(
     problem: &Problem,
     options: &HinfFilterOptions,
     gains: &MainGains,
 ) -> Result<(), HinfFilterError> {
     let wanted = options.synthesis.design;
-    let replaced = wanted.needs_solver() && gains.design.is_riccati();
+    let replaced = wanted.needs_solver() && gains.design == wanted.fallback();
     if gains.design != wanted && !replaced {
         return Err(HinfFilterError::OtherDesign {
             found: gains.design.name(),
@@ -254,7 +258,42 @@ fn check_origin(
             });
         }
     }
-    Ok(())
+    check_unused(gains)
+}
+
+/// Refuses entries that belong to another design: nothing would check them.
+fn check_unused(gains: &MainGains) -> Result<(), HinfFilterError> {
+    let design = gains.design;
+    let two_stages = matches!(
+        design,
+        DesignType::TwoStageDiscrete | DesignType::TwoStageContinuous
+    );
+    let entries = [
+        ("gains.main.Pi", gains.riccati.is_some(), design.is_riccati()),
+        (
+            "gains.main.X",
+            gains.lyapunov.is_some(),
+            design.has_lyapunov_matrix(),
+        ),
+        ("gains.main.stage_one", gains.stage_one.is_some(), two_stages),
+        (
+            "gains.main.claimed_index",
+            gains.claimed_index.is_some(),
+            design == DesignType::Mixed,
+        ),
+        (
+            "gains.main.reference",
+            gains.reference.is_some(),
+            design == DesignType::Paper,
+        ),
+    ];
+    match entries.iter().find(|(_, present, used)| *present && !used) {
+        None => Ok(()),
+        Some((key, _, _)) => Err(HinfFilterError::Conflict {
+            key,
+            reason: "with gains of this design, which does not claim it; design the gains again",
+        }),
+    }
 }
 
 fn claims(

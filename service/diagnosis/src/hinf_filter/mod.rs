@@ -39,6 +39,7 @@ pub mod find;
 pub mod gains;
 pub mod gap;
 mod isolation;
+pub mod lower_bound;
 mod main_filter;
 pub mod method;
 pub mod noise;

@@ -92,6 +92,14 @@ impl Report {
             achieved,
         };
         report.warnings = report.faults_out_of_sight(problem, options);
+        let wanted = options.synthesis.design;
+        if main.design != wanted {
+            report.warnings.push(format!(
+                "the filter runs on gains of the design \"{}\" instead of \"{}\"",
+                main.design.name(),
+                wanted.name()
+            ));
+        }
         if problem.window.is_none() && options.evaluation.threshold == ThresholdType::Guaranteed {
             report.warnings.push(
                 "`evaluation.window` = \"cumulative\": the threshold of the energy grows with time, in the long run no \

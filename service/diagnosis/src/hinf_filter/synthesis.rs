@@ -154,7 +154,7 @@ fn inverse_root(omega: &DMatrix<f64>) -> (DMatrix<f64>, f64) {
 pub(super) struct RiccatiCheck {
     /// Relative residual of the equation at Π, with or without the process noise of a second attempt.
     pub residual: f64,
-    /// Deviation of the gain from that of Π, relative, and of V Ω V' from I.
+    /// Deviation of the gain and of V from those of Π, V = Ω^{-1/2}, relative; infinite if V has another shape.
     pub deviation: f64,
     /// ‖T_rw‖∞.
     pub norm: f64,
@@ -183,11 +183,11 @@ pub(super) fn check_riccati(
     let second_attempt = regularised.residual < plain.residual;
     let solution = if second_attempt { regularised } else { plain };
     let of_gain = (&gain.matrix - &solution.gain).amax() / solution.gain.amax().max(f64::MIN_POSITIVE);
-    let of_filter = match gain.v.ncols() == solution.omega.nrows() {
-        true => &gain.v * &solution.omega * gain.v.transpose(),
-        false => DMatrix::zeros(gain.v.nrows(), gain.v.nrows()),
+    let (root, largest) = inverse_root(&solution.omega);
+    let of_filter = match gain.v.shape() == root.shape() {
+        true => (&gain.v - &root).amax() / root.amax(),
+        false => f64::INFINITY,
     };
-    let of_filter = (of_filter - DMatrix::identity(gain.v.nrows(), gain.v.nrows())).amax();
     let system = System::new(
         &(a - &gain.matrix * &plant.c),
         &(&weighted.b - &gain.matrix * &weighted.d),
@@ -202,7 +202,7 @@ pub(super) fn check_riccati(
         residual: solution.residual,
         deviation: of_gain.max(of_filter),
         norm: norm.value,
-        optimum: (!second_attempt).then(|| SingularDecomposition::new(&solution.omega).largest().sqrt()),
+        optimum: (!second_attempt).then(|| largest.sqrt()),
     })
 }
 
@@ -214,25 +214,6 @@ pub(super) fn matched_rest(plant: &Plant, sampled: &SampledPlant, gain: &Gain) -
     };
     let rest = (input - &gain.matrix * &plant.dd).amax();
     if rest == 0.0 { 0.0 } else { rest / input.amax() }
-}
-
-/// √λ_max(Ω) of the unweighted discrete problem with a little noise: no gain has a smaller ‖T_rd‖∞, up to 0.2 %
-/// (method sheet 3.5). `None` if that problem has no stabilising solution.
-pub fn discrete_lower_bound(sampled: &SampledPlant, c: &DMatrix<f64>, dd: &DMatrix<f64>) -> Option<f64> {
-    let (n, q) = (sampled.ad.nrows(), c.nrows());
-    let process = 1e-3 * SingularDecomposition::new(&sampled.bdd).largest();
-    let direct = SingularDecomposition::new(dd).largest();
-    let noise = 1e-3 * if direct > 0.0 { direct } else { process * 1e3 };
-    let weighted = Weighted {
-        b: beside(&[
-            &sampled.bdd,
-            &(DMatrix::identity(n, n) * process),
-            &DMatrix::zeros(n, q),
-        ]),
-        d: beside(&[dd, &DMatrix::zeros(q, n), &(DMatrix::identity(q, q) * noise)]),
-    };
-    let design = synth_riccati_dt(&sampled.ad, c, &weighted, &sampled.bdd).ok()?;
-    Some(design.optimum)
 }
 
 /// The matched special case L = B Dd⁺, for which T_rd ≡ Dd: with B = Bdd the discrete gain, with B = Bd the

@@ -26,7 +26,7 @@ pub fn h_infinity_continuous(system: &System) -> Norm {
     let mut best = largest(&first);
     for _ in 0..ROUNDS {
         if best == 0.0 || best.is_infinite() {
-            break;
+            return Norm::proven(best, best, best);
         }
         let level = best * (1.0 + STEP);
         let Some(crossings) = crossings(system, level) else {
@@ -36,11 +36,11 @@ pub fn h_infinity_continuous(system: &System) -> Norm {
         let seen = [first.as_slice(), &between(&crossings)].concat();
         let above = largest(&seen).max(-refined(|omega| -gain(omega), &seen));
         if !(above > level) {
-            break;
+            return Norm::proven(best, best, level);
         }
         best = above;
     }
-    Norm::proven(best, best, best * (1.0 + STEP))
+    Norm::unconfirmed(best, best, f64::INFINITY)
 }
 
 /// ‖G‖∞ over the unit circle of a discrete-time system; infinite if it is not stable.

@@ -71,11 +71,11 @@ fn over_all(system: &System) -> Norm {
         let seen = [first.as_slice(), &between(&crossings)].concat();
         let below = smallest(&seen).min(refined(|omega| smallest_gain(system, omega), &seen));
         if !(below < level) {
-            break;
+            return Norm::proven(best, level, best);
         }
         best = below;
     }
-    Norm::proven(best, best * (1.0 - STEP), best)
+    Norm::unconfirmed(best, 0.0, best)
 }
 
 /// A grid with both ends, and a golden-section search in the best cells.

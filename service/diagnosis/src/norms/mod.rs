@@ -35,7 +35,8 @@ pub struct Norm {
     pub lower: f64,
     /// And no larger: for H∞ the level that nothing crosses.
     pub upper: f64,
-    /// False if the eigenvalues of a Hamiltonian did not converge: the value is then the best of a dense grid.
+    /// False if the eigenvalues of a Hamiltonian did not converge, where the value is the best of a dense grid, or if
+    /// the search did not end within its rounds.
     pub confirmed: bool,
 }
 

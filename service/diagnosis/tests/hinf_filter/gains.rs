@@ -10,7 +10,7 @@ use residual_diagnosis::{
         file::{Entry, GainsFile, TOLERANCE, VERSION, hash_of_inputs},
     },
     hinf_filter::{
-        gains::HinfFilterGains,
+        gains::{HinfFilterGains, ReferenceModel},
         options::{DesignType, HinfFilterOptions},
     },
     method::{MethodOptions, Refusal},
@@ -148,13 +148,83 @@ fn altered_gains_of_the_filter_are_refused_with_condition_and_margin() {
     assert_refused("gains.main.L", "below", |gains| {
         gains.main.claimed_bound = Some(0.028)
     });
-    assert_refused("gains.main.L", "bounded-real inequality", |gains| {
-        gains.main.claimed_bound = Some(1.0);
-        gains.main.lyapunov = Some(vec![vec![1.0, 2.0], vec![2.0, 1.0]]);
+}
+
+#[test]
+fn entries_that_belong_to_another_design_are_refused() {
+    assert_refused("gains.main.X", "does not claim", |gains| {
+        gains.main.lyapunov = gains.main.riccati.clone();
     });
-    assert_refused("gains.main.X", "2 x 2", |gains| {
-        gains.main.lyapunov = Some(vec![vec![1.0]])
+    assert_refused("gains.main.stage_one", "does not claim", |gains| {
+        gains.main.stage_one = Some(1.0)
     });
+    assert_refused("gains.main.claimed_index", "does not claim", |gains| {
+        gains.main.claimed_index = Some(1e-9)
+    });
+    assert_refused("gains.main.reference", "does not claim", |gains| {
+        let square = vec![vec![-1.0, 0.0], vec![0.0, -1.0]];
+        gains.main.reference = Some(ReferenceModel {
+            a: square.clone(),
+            b: square.clone(),
+            c: square.clone(),
+            d: square,
+        });
+    });
+    let options = options("type = \"matched\"", "");
+    let mut gains = options.find_gains(TS).unwrap().gains;
+    gains.main.riccati = Some(vec![vec![1.0, 0.0], vec![0.0, 1.0]]);
+    assert_eq!(options.with_gains(TS, &gains).unwrap_err().key, "gains.main.Pi");
+}
+
+#[test]
+fn gains_of_a_riccati_design_replace_only_a_search_in_the_same_time_domain() {
+    let gains = |design| options(design, "").find_gains(TS).unwrap().gains;
+    let (discrete, continuous) = (gains("type = \"riccati_dt\""), gains("type = \"riccati_ct\""));
+    for (design, replacing, other) in [
+        ("lmi_two_stage_dt", &discrete, &continuous),
+        ("lmi_two_stage_ct", &continuous, &discrete),
+        ("lmi_mixed", &continuous, &discrete),
+    ] {
+        let options = options(&format!("type = \"{design}\""), "");
+        let designed = options.with_gains(TS, replacing).unwrap();
+        let said: Vec<_> = designed
+            .warnings
+            .iter()
+            .filter(|warning| warning.contains(design) && warning.contains("instead of"))
+            .collect();
+        assert_eq!(said.len(), 1, "{:?}", designed.warnings);
+        let refusal = options.with_gains(TS, other).unwrap_err();
+        assert_eq!(refusal.key, "gains.main.design", "{refusal}");
+    }
+    let (options, gains) = complete();
+    let warnings = options.with_gains(TS, &gains).unwrap().warnings;
+    assert!(
+        warnings.iter().all(|warning| !warning.contains("instead of")),
+        "{warnings:?}"
+    );
+}
+
+#[test]
+fn a_filter_that_replaces_another_keeps_the_configured_region() {
+    let fallback = options("type = \"riccati_dt\"", "").find_gains(TS).unwrap().gains;
+    let narrow = options("type = \"lmi_two_stage_dt\"\nradius_z = 0.5", "");
+    let refusal = narrow.with_gains(TS, &fallback).unwrap_err();
+    assert!(refusal.message.contains("outside |λ| < 0.5"), "{refusal}");
+    let fallback = options("type = \"riccati_ct\"", "").find_gains(TS).unwrap().gains;
+    let narrow = options("type = \"lmi_two_stage_ct\"\npole_radius = 0.5", "");
+    let refusal = narrow.with_gains(TS, &fallback).unwrap_err();
+    assert!(refusal.message.contains("outside |λ| < 0.5"), "{refusal}");
+}
+
+#[test]
+fn a_post_filter_that_is_not_the_symmetric_root_is_refused() {
+    let negated = |v: &mut Vec<Vec<f64>>| v[1].iter_mut().for_each(|entry| *entry = -*entry);
+    let dropped = |v: &mut Vec<Vec<f64>>| v.truncate(1);
+    let words = "V deviates";
+    assert_refused("gains.main.L", words, |gains| negated(&mut gains.main.v));
+    assert_refused("gains.main.L", words, |gains| dropped(&mut gains.main.v));
+    assert_refused("gains.blind.0.L", words, |gains| negated(&mut gains.blind[0].v));
+    assert_refused("gains.blind.1.L", words, |gains| dropped(&mut gains.blind[1].v));
 }
 
 #[test]

@@ -12,6 +12,7 @@ mod detection_times;
 mod gains;
 mod guarantee;
 mod kernels;
+mod lower_bound;
 mod mistakes;
 mod paper;
 mod paper_facts;

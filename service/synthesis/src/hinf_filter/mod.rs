@@ -89,7 +89,7 @@ pub fn find_gains(
         gains,
         solver: Vec::new(),
         warnings: vec![format!(
-            "the design \"{}\" failed, the gains are those of \"{}\": {found}",
+            "the design \"{}\" failed, \"{}\" was tried in its place: {found}",
             design.name(),
             fallback.name()
         )],

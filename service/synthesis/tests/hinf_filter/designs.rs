@@ -436,3 +436,26 @@ fn accepted_gains_of_random_plants_keep_their_bound_on_a_grid_too() {
 fn accepted_gains_of_random_plants_of_all_orders_keep_their_bound() {
     check_random_plants(&[2, 4, 6, 8, 10, 12], 100);
 }
+
+#[test]
+fn a_weak_direct_disturbance_does_not_make_the_design_in_two_stages_impossible() {
+    for direct in [1e-6, 1e-4] {
+        let column = |entries: [f64; 2]| DMatrix::from_column_slice(2, 1, &entries);
+        let plant = Plant {
+            a: DMatrix::from_row_slice(2, 2, &[-0.5, 1.0, 0.0, -1.0]),
+            bd: column([0.0, 1.0]),
+            c: DMatrix::from_row_slice(1, 2, &[1.0, 0.0]),
+            dd: DMatrix::from_element(1, 1, direct),
+            bf: column([0.0, 1.0]),
+            df: DMatrix::zeros(1, 1),
+        };
+        let gains = found(&options_of(&plant, "type = \"lmi_two_stage_dt\""));
+        assert_eq!(
+            gains.gains.main.design,
+            DesignType::TwoStageDiscrete,
+            "{:?}",
+            gains.warnings
+        );
+        assert_eq!(gains.gains.main.label, "certified");
+    }
+}
