@@ -256,6 +256,8 @@ impl Assembly<'_> {
 
     fn faults(&self, seen: &[Option<Vec<Visibility>>]) -> Vec<FaultSensitivity> {
         let assurance = match self.guarantee {
+            // What a fault does to the residual then depends on the plant, and the thresholds on the commands.
+            _ if !self.problem.listed.is_empty() => 0.0,
             Guarantee::Complete => 1.0,
             Guarantee::Probable => 1.0 - erfc(PEAK_DEVIATIONS / std::f64::consts::SQRT_2),
             Guarantee::None(_) => 0.0,
@@ -338,7 +340,7 @@ impl Assembly<'_> {
     }
 
     fn isolability(&self, seen: &[Option<Vec<Visibility>>]) -> Vec<Separation> {
-        if self.bank() == 0 {
+        if self.bank() == 0 || !self.problem.listed.is_empty() {
             return Vec::new();
         }
         let names = &self.problem.faults.names;
@@ -422,6 +424,9 @@ impl Assembly<'_> {
 
     /// Why no fault moves a residual at all, or none that is declared moves it beyond its bound for sure.
     fn unseen(&self, seen: &[Visibility], row: usize, blind: &[usize]) -> (Option<String>, Option<String>) {
+        if !self.problem.listed.is_empty() {
+            return (None, None);
+        }
         let faults = seen.iter().enumerate().filter(|(j, _)| !blind.contains(j));
         let sizes: Vec<(usize, f64)> = faults
             .map(|(j, fault)| (j, fault.by_row.get(row).copied().unwrap_or(f64::INFINITY)))

@@ -14,7 +14,7 @@ use nalgebra::DMatrix;
 
 /// Smallest eigenvalue of the inequality for G = `system` at X = `lyapunov` (n x n) and γ = `bound`, scaled to a unit
 /// diagonal: positive only if A is stable and ‖G‖∞ < γ. Negative also if X is not positive definite.
-pub(super) fn margin(system: &System, time: Time, lyapunov: &DMatrix<f64>, bound: f64) -> f64 {
+pub fn margin(system: &System, time: Time, lyapunov: &DMatrix<f64>, bound: f64) -> f64 {
     let symmetric = (lyapunov + lyapunov.transpose()) / 2.0;
     let definite = scaled_margin(&symmetric);
     let inverse = symmetric

@@ -9,7 +9,7 @@
 //! | V | s x q | post-filter, r̃ = V r | [`certificate::Gain`] |
 //! | Ac = Ad - LC | n x n | error from instant to instant | [`constants::ErrorFilter`] |
 //! | T_rd, T_rf | | from disturbance and fault to the residual | [`certificate::Certificate`] |
-//! | X, Π | n x n | Lyapunov matrix and Riccati solution that prove a bound | [`gains`], `bounded_real` |
+//! | X, Π | n x n | Lyapunov matrix and Riccati solution that prove a bound | [`gains`], [`bounded_real`] |
 //! | J, W_F | | the paper's objective and reference model | [`paper_objective`] |
 //! | γ, μ, κ_j | | norm and memory of the window energy | [`constants::ThresholdConstants`] |
 //! | ρ, J, Jth | s, 1, 1 | bound of r̃, root energy of r̃ in the window, its threshold | `bounds`, `filter` |
@@ -21,7 +21,7 @@
 
 mod achieved;
 mod bank;
-mod bounded_real;
+pub mod bounded_real;
 mod bounds;
 pub mod certificate;
 mod channels;

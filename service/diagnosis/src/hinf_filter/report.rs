@@ -32,7 +32,8 @@ pub struct Report {
     pub optimum: Option<f64>,
     /// Constant parts of the thresholds for the nominal plant; `None` for a constant threshold.
     pub constants: Option<ThresholdConstants>,
-    /// Smallest constant fault, per fault, that the peak test is sure to see.
+    /// Smallest constant fault, per fault, that the peak test is sure to see; `None` if models are listed, which change
+    /// the response and the thresholds.
     pub detectable: Option<Vec<f64>>,
     /// Largest residual that a unit step of a command causes without fault, where it does not cancel.
     pub command_leak: Option<f64>,
@@ -209,7 +210,7 @@ fn detectable(problem: &Problem, main: &MainFilter, filter: &ResidualFilter) -> 
     let Threshold::Guaranteed(bounds) = &filter.threshold else {
         return None;
     };
-    if !filter.peak_test {
+    if !filter.peak_test || !problem.listed.is_empty() {
         return None;
     }
     let (plant, sampled) = (&problem.plant, &problem.sampled);

@@ -182,6 +182,32 @@ fn no_listed_model_alarms() {
 }
 
 #[test]
+fn no_size_of_a_fault_is_promised_over_listed_models() {
+    let mut random = Random::new(1000);
+    let plant = random.plant();
+    let tables = tables(&plant, &mut random, 0.3);
+    let report = |listed: &[DMatrix<f64>]| {
+        let filter = HinfFilter::new(&options(&plant, listed, &tables), TS).unwrap();
+        filter.report().clone()
+    };
+    let (nominal, listed) = (report(&[]), report(&[&plant.a * 1.03]));
+    assert!(nominal.detectable.is_some() && listed.detectable.is_none());
+    for (fault, unknown) in nominal.achieved.faults.iter().zip(&listed.achieved.faults) {
+        assert_eq!(fault.assurance, 1.0);
+        assert_eq!(unknown.assurance, 0.0);
+        assert_eq!(unknown.detectable, None);
+        assert!(unknown.delays.is_empty());
+    }
+    assert!(
+        nominal
+            .achieved
+            .faults
+            .iter()
+            .any(|fault| fault.detectable.is_some())
+    );
+}
+
+#[test]
 fn the_worst_disturbance_reaches_the_bound_of_every_residual() {
     const STEPS: usize = 6000;
     for seed in 0..10 {

@@ -69,6 +69,7 @@ fn assert_kept(label: &str, time: Time, plant: &Plant, region: &Region, found: &
     let (truth, grid) = (norm(time, &system), largest_on_grid(time, &system));
     assert!(truth <= found.bound, "{label}: {truth} {}", found.bound);
     assert!(grid <= found.bound, "{label}: {grid} {}", found.bound);
+    assert!(grid <= truth * (1.0 + 1e-9), "{label}: {grid} {truth}");
     assert!(grid >= 0.9 * truth, "{label}: {grid} {truth}");
     let least = SymmetricDecomposition::new(&inequality(time, &system, found)).smallest();
     assert!(least > 0.0, "{label}: {least:e}");

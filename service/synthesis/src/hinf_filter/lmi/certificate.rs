@@ -4,60 +4,16 @@ use super::{LmiError, Region, Time, inequalities::bounded_real};
 use crate::semidefinite::SemidefiniteProgram;
 use nalgebra::DMatrix;
 use residual_diagnosis::{
-    decomposition::{SymmetricDecomposition, eigenvalues},
+    decomposition::eigenvalues,
+    hinf_filter::bounded_real::margin,
     lyapunov,
     norms::{System, h_infinity_continuous, h_infinity_discrete},
 };
 
-/// Smallest [`definiteness`] that is no rounding error.
+/// Smallest [`margin`] with which a Lyapunov matrix is taken.
 const DEFINITE: f64 = 1e-12;
 /// Halvings of what is added to a Lyapunov matrix.
 const HALVINGS: i32 = 60;
-
-/// Smallest eigenvalue of a symmetric matrix after its diagonal was scaled to 1: positive if and only if it is
-/// positive definite, whatever the units of its rows. Minus infinity if the diagonal is not positive.
-fn definiteness(matrix: &DMatrix<f64>) -> f64 {
-    let diagonal = matrix.diagonal();
-    if !diagonal.iter().all(|&entry| entry > 0.0) {
-        return f64::NEG_INFINITY;
-    }
-    let root = diagonal.map(f64::sqrt);
-    let scaled = DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| {
-        matrix[(i, j)] / (root[i] * root[j])
-    });
-    SymmetricDecomposition::new(&scaled).smallest()
-}
-
-/// The bounded-real inequality of a system as a matrix that must be positive definite.
-fn inequality(time: Time, system: &System, x: &DMatrix<f64>, level: f64) -> DMatrix<f64> {
-    let terms = (x * &system.a, x * &system.b);
-    let matrix = bounded_real(time, x, terms, (&system.c, &system.d), 1.0, level);
-    match time {
-        Time::Continuous => -matrix,
-        Time::Discrete => matrix,
-    }
-}
-
-/// How strictly X (n x n) proves ‖G‖∞ < `level` of a system G: the smallest eigenvalue of the bounded-real inequality
-/// with a unit diagonal, in the coordinates in which X is the identity, where the rounding errors do not grow with the
-/// condition of X. Positive only if the inequality holds strictly; not positive if X is not positive definite.
-pub fn strictness(time: Time, system: &System, x: &DMatrix<f64>, level: f64) -> f64 {
-    let factors = x
-        .clone()
-        .cholesky()
-        .and_then(|root| Some((root.l(), root.l().try_inverse()?.transpose())));
-    let Some((root, inverse)) = factors else {
-        return definiteness(x).min(0.0);
-    };
-    let normal = System {
-        a: root.tr_mul(&system.a) * &inverse,
-        b: root.tr_mul(&system.b),
-        c: &system.c * inverse,
-        d: system.d.clone(),
-    };
-    let identity = DMatrix::identity(x.nrows(), x.nrows());
-    definiteness(&inequality(time, &normal, &identity, level))
-}
 
 /// A Lyapunov matrix for which the bounded-real inequality of a stable system holds strictly at `level`, made of one
 /// for which it holds, up to the solver's errors, at a slightly lower level.
@@ -78,10 +34,10 @@ pub(super) fn strict_lyapunov(
     }?;
     let best = (0..HALVINGS)
         .map(|halvings| start + &p * (start.norm() / p.norm() * 0.5_f64.powi(halvings)))
-        .map(|x| (strictness(time, system, &x, level), x))
+        .map(|x| (margin(system, time, &x, level), x))
         .max_by(|left, right| left.0.total_cmp(&right.0));
     match best {
-        Some((margin, x)) if margin > DEFINITE => Some(x),
+        Some((least, x)) if least > DEFINITE => Some(x),
         _ => most_strict(time, system, level),
     }
 }
@@ -90,18 +46,24 @@ pub(super) fn strict_lyapunov(
 fn most_strict(time: Time, system: &System, level: f64) -> Option<DMatrix<f64>> {
     let n = system.a.nrows();
     let mut problem = SemidefiniteProgram::named("bounded-real certificate of a gain");
-    let (x, margin) = (problem.symmetric(n), problem.scalar());
-    problem.maximise(margin);
+    let (x, least) = (problem.symmetric(n), problem.scalar());
+    problem.maximise(least);
     problem.require("bounded real", move |at| {
-        let matrix = inequality(time, system, &at.matrix(x), level);
+        let x = at.matrix(x);
+        let terms = (&x * &system.a, &x * &system.b);
+        let matrix = bounded_real(time, &x, terms, (&system.c, &system.d), 1.0, level);
+        let sign = match time {
+            Time::Continuous => -1.0,
+            Time::Discrete => 1.0,
+        };
         let order = matrix.nrows();
-        matrix - DMatrix::identity(order, order) * at.number(margin)
+        matrix * sign - DMatrix::identity(order, order) * at.number(least)
     });
     problem.require("positive", move |at| {
-        at.matrix(x) - DMatrix::identity(n, n) * at.number(margin)
+        at.matrix(x) - DMatrix::identity(n, n) * at.number(least)
     });
     let found = problem.solve().ok()?.value(x);
-    (strictness(time, system, &found, level) > DEFINITE).then_some(found)
+    (margin(system, time, &found, level) > DEFINITE).then_some(found)
 }
 
 /// Fails unless all poles of a system lie in the region.
@@ -152,29 +114,18 @@ mod tests {
     }
 
     #[test]
-    fn definiteness_does_not_depend_on_units() {
-        let matrix = dmatrix![2.0, 1.0; 1.0, 3.0];
-        let units = dmatrix![1e-9, 0.0; 0.0, 1e7];
-        let expected = 1.0 - 1.0 / 6.0_f64.sqrt();
-        assert!((definiteness(&matrix) - expected).abs() < 1e-15);
-        assert!((definiteness(&(&units * &matrix * &units)) - expected).abs() < 1e-15);
-        assert!(definiteness(&dmatrix![1.0, 2.0; 2.0, 1.0]) < 0.0);
-        assert_eq!(definiteness(&dmatrix![0.0, 2.0; 2.0, 1.0]), f64::NEG_INFINITY);
-    }
-
-    #[test]
     fn a_strict_certificate_is_found_just_above_the_norm_and_none_below() {
         for (time, system, norm) in examples() {
             let poor = dmatrix![1e-3];
             for start in [poor, dmatrix![1.0], dmatrix![1e6]] {
                 let x = strict_lyapunov(time, &system, 1.001 * norm, &start).unwrap();
-                assert!(strictness(time, &system, &x, 1.001 * norm) > DEFINITE, "{time:?}");
+                assert!(margin(&system, time, &x, 1.001 * norm) > DEFINITE, "{time:?}");
                 assert!(
                     strict_lyapunov(time, &system, 0.999 * norm, &start).is_none(),
                     "{time:?}"
                 );
             }
-            assert!(strictness(time, &system, &dmatrix![-1.0], 10.0 * norm) <= 0.0);
+            assert!(margin(&system, time, &dmatrix![-1.0], 10.0 * norm) <= 0.0);
             assert!(check_norm(time, &system, norm * 1.0001).is_ok());
             assert!(check_norm(time, &system, norm * 0.9999).is_err());
             assert!(check_poles(time, &system, &Region::default()).is_ok());

@@ -10,7 +10,7 @@
 
 use super::{
     ErrorPlant, LmiError, Region, Time,
-    certificate::{check_norm, check_poles, strict_lyapunov, strictness},
+    certificate::{check_norm, check_poles, strict_lyapunov},
     plant::check_matrix,
     scaling::ScaledPlant,
     stages::{recovered, require_region},
@@ -21,6 +21,7 @@ use nalgebra::DMatrix;
 use residual_diagnosis::{
     decomposition::{SingularDecomposition, SymmetricDecomposition},
     gains::SolverRun,
+    hinf_filter::bounded_real,
     norms::{System, h_minus_continuous},
 };
 
@@ -229,7 +230,7 @@ fn verified(
     let start = scaled.lyapunov(&best.x) / (scaled.delta * scaled.delta);
     let lyapunov = strict_lyapunov(time, &closed, bound, &start).ok_or_else(|| LmiError::Recovery {
         condition: "bounded-real inequality".to_owned(),
-        margin: -strictness(time, &closed, &start, bound),
+        margin: -bounded_real::margin(&closed, time, &start, bound),
     })?;
     let faults = ErrorPlant {
         bd: bf,

@@ -26,7 +26,6 @@ mod scaling;
 mod stages;
 mod two_stage;
 
-pub use certificate::strictness;
 pub use error::LmiError;
 pub use mixed::{MixedGain, mixed};
 pub use paper::{Normalisation, PaperSolution, paper};

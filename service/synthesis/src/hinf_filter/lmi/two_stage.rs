@@ -3,12 +3,12 @@
 
 use super::{
     ErrorPlant, LmiError, Region, Time,
-    certificate::{check_norm, check_poles, strict_lyapunov, strictness},
+    certificate::{check_norm, check_poles, strict_lyapunov},
     scaling::ScaledPlant,
     stages::Conditions,
 };
 use nalgebra::DMatrix;
-use residual_diagnosis::gains::SolverRun;
+use residual_diagnosis::{gains::SolverRun, hinf_filter::bounded_real};
 
 /// The returned bound is larger than the level γ₂ by this part (method sheet 3.5).
 pub(super) const CLAIM: f64 = 1e-3;
@@ -108,7 +108,7 @@ fn attempt(
         condition: "bounded-real inequality".to_owned(),
         margin,
     };
-    let start = strictness(time, &closed, &two.x, level);
+    let start = bounded_real::margin(&closed, time, &two.x, level);
     let x = strict_lyapunov(time, &closed, level, &two.x).ok_or_else(|| not_strict(-start))?;
 
     let (gain, bound) = (scaled.gain(&two.gain), level * scaled.delta);
@@ -117,7 +117,7 @@ fn attempt(
     let closed = plant.closed(&gain);
     check_poles(time, &closed, region)?;
     check_norm(time, &closed, bound)?;
-    let margin = strictness(time, &closed, &lyapunov, bound);
+    let margin = bounded_real::margin(&closed, time, &lyapunov, bound);
     if !(margin > 0.0) {
         return Err(not_strict(-margin));
     }
