@@ -72,11 +72,17 @@ impl Design {
                 reason: "they have members or estimators, but the configuration asks for none".to_owned(),
             });
         }
-        let [members, estimators] = isolation_observers(&plant, options, &gains.members, &gains.estimators)?;
+        let [members, estimators] = match isolates {
+            true => isolation_observers(&plant, options, &gains.members, &gains.estimators)?,
+            false => [Vec::new(), Vec::new()],
+        };
         let mut warnings = Vec::new();
         if certificate.is_none() {
-            warnings
-                .push("there is no Lyapunov certificate of the gains; F or M is nearly unstable".to_owned());
+            warnings.push(
+                "no Lyapunov certificate of the gains is found; F or M is nearly unstable, or their entries differ too \
+                 much in size"
+                    .to_owned(),
+            );
         }
         Ok(Self {
             options: options.clone(),

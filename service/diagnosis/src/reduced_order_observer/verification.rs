@@ -4,7 +4,7 @@
 //! | observer | conditions |
 //! |---|---|
 //! | all | K U1 + U2 = 0 up to rounding; \|eig F\| below its limit; M Schur; finite tables |
-//! | main | U = D; the first p rows of W are I_p, all of length 1; the certificate P, if there is one |
+//! | main | U = D; the first p rows of W are I_p, all of length 1; the certificate P, which may be missing only where none is found |
 //! | member i | U = \[b_i D\] or b_i, M = 0; W U1 = 0, rows of length 1 |
 //! | estimator i | U as there, M = 0; φ U1 = \[1 0 ... 0\] |
 
@@ -60,7 +60,10 @@ pub(super) fn main_observer(
         );
     }
     let certificate = match &gains.p {
-        None => None,
+        None => match Certificate::find(plant, &observer) {
+            Some(_) => return refuse("gains.main.P", "it is missing, and there is one".to_owned()),
+            None => None,
+        },
         Some(rows) => {
             let matrix = shaped_matrix("gains.main.P", rows, (n, n), "states x states")?;
             match Certificate::verify(plant, &observer, matrix) {

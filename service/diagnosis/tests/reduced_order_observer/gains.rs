@@ -264,16 +264,49 @@ fn a_certificate_that_belongs_to_other_gains_is_refused() {
     assert_eq!(refused.key, "gains.main.P");
     let refused = refusal(&options, |gains| gains.main.p = Some(unit(3)));
     assert!(refused.message.contains("D'P N_c must vanish"), "{refused}");
-    let none = {
-        let mut gains = found(&options);
-        gains.main.p = None;
-        options.with_gains(0.1, &gains).unwrap()
-    };
-    assert!(
-        none.warnings[0].contains("no Lyapunov certificate"),
-        "{:?}",
-        none.warnings
-    );
+}
+
+#[test]
+fn a_certificate_may_be_missing_only_where_there_is_none() {
+    let refused = refusal(&servo(0.01), |gains| gains.main.p = None);
+    assert_eq!(refused.key, "gains.main.P");
+    assert!(refused.message.contains("missing"), "{refused}");
+    // M is nilpotent, but so large that rounding hides the decrease of every certificate.
+    let mut options = servo(0.01);
+    options.design.observer_m = ObserverM::Matrix(vec![vec![0.0, 1e9], vec![0.0, 0.0]]);
+    let gains = found(&options);
+    assert_eq!(gains.main.p, None);
+    let warnings = options.with_gains(0.1, &gains).unwrap().warnings;
+    assert!(warnings[0].contains("no Lyapunov certificate"), "{warnings:?}");
+}
+
+#[test]
+fn a_member_or_an_estimator_that_there_is_and_that_is_asked_for_must_not_be_missing() {
+    type Removal = fn(&mut ReducedOrderObserverGains);
+    let cases: [(Removal, &str, &str); 4] = [
+        (|gains| gains.members.clear(), "gains.members", "actuator 0"),
+        (
+            |gains| drop(gains.members.remove(1)),
+            "gains.members",
+            "actuator 1",
+        ),
+        (|gains| gains.estimators.clear(), "gains.estimators", "actuator 0"),
+        (
+            |gains| drop(gains.estimators.remove(1)),
+            "gains.estimators",
+            "actuator 1",
+        ),
+    ];
+    for (removal, key, actuator) in cases {
+        let refused = refusal(&vehicle(), removal);
+        assert_eq!(refused.key, key);
+        assert!(refused.message.contains(actuator), "{refused}");
+    }
+    let mut without = vehicle();
+    without.isolation.fault_estimate = false;
+    let gains = found(&without);
+    assert!(gains.estimators.is_empty() && gains.members.len() == 2);
+    without.with_gains(0.1, &gains).unwrap();
 }
 
 #[test]
