@@ -78,7 +78,23 @@ pub(super) fn smallest_faults(faults: &[FaultSensitivity]) -> String {
         ),
         None => format!("{} at no size", fault.fault),
     };
-    faults.iter().map(describe).collect::<Vec<_>>().join(", ")
+    let sizes = faults.iter().map(describe).collect::<Vec<_>>().join(", ");
+    match conditions(faults) {
+        Some(conditions) => format!("{sizes}, provided that {conditions}"),
+        None => sizes,
+    }
+}
+
+/// What must be true for the sizes beside what excludes false alarms; `None`: nothing.
+pub(super) fn conditions(faults: &[FaultSensitivity]) -> Option<String> {
+    let mut conditions: Vec<&str> = Vec::new();
+    for fault in faults {
+        let condition = fault.provided_that.as_str();
+        if !condition.is_empty() && !conditions.contains(&condition) {
+            conditions.push(condition);
+        }
+    }
+    (!conditions.is_empty()).then(|| conditions.join("; and that "))
 }
 
 fn assurance(assurance: f64) -> String {

@@ -8,7 +8,8 @@ use residual_diagnosis::gains::SolverRun;
 use residual_diagnosis::gains::file::{Entry, GainsFile};
 
 use super::achieved::{
-    delay_table, false_alarms, fault_table, isolability_matrix, norm, number, poles, smallest_margin,
+    conditions, delay_table, false_alarms, fault_table, isolability_matrix, norm, number, poles,
+    smallest_margin,
 };
 use super::lines::Lines;
 use crate::configuration::gains::{parse_gains, read};
@@ -87,6 +88,9 @@ fn entry(lines: &mut Lines, entry: &Entry) {
     if !achieved.faults.is_empty() {
         lines.heading("  smallest constant faults".to_owned());
         lines.block(&fault_table(&achieved.faults).to_string());
+        if let Some(conditions) = conditions(&achieved.faults) {
+            lines.entry("provided that", conditions);
+        }
     }
     if let Some(delays) = delay_table(&achieved.faults) {
         lines.heading("  worst delay of detection, by the size of the fault".to_owned());

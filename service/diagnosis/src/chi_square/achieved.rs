@@ -171,6 +171,7 @@ impl ChiSquareDiagnoser {
                 fault: fault.clone(),
                 unit: channel.map_or_else(String::new, |channel| channel.unit.clone()),
                 assurance: ASSURANCE,
+                provided_that: String::new(),
                 detectable: Some(detectable),
                 isolable: None,
                 delays,
