@@ -56,6 +56,7 @@ pub mod reach;
 mod responses;
 mod start;
 mod state_interval;
+pub mod source;
 pub mod synthesis;
 mod test_row;
 mod verification;
