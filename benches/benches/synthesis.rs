@@ -10,11 +10,14 @@ use nix::time::{ClockId, clock_gettime};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use residual_diagnosis::{
-    decomposition::eigenvalues, gains::SolverRun, hinf_filter::plant::zoh, norms::System,
+    decomposition::eigenvalues,
+    gains::SolverRun,
+    hinf_filter::{bounded_real, plant::zoh},
+    norms::System,
 };
 use residual_synthesis::hinf_filter::lmi::{
-    ErrorPlant, LmiError, LmiGain, Normalisation, Region, Time, mixed, paper, strictness,
-    two_stage_continuous, two_stage_discrete,
+    ErrorPlant, LmiError, LmiGain, Normalisation, Region, Time, mixed, paper, two_stage_continuous,
+    two_stage_discrete,
 };
 use std::{collections::BTreeSet, time::Duration};
 
@@ -77,7 +80,7 @@ fn margin(time: Time, plant: &Plant, found: &LmiGain) -> f64 {
     let a = &plant.a - &found.gain * &plant.c;
     let b = &plant.bd - &found.gain * &plant.dd;
     let system = System::new(&a, &b, &plant.c, &plant.dd);
-    strictness(time, &system, &found.lyapunov, found.bound)
+    bounded_real::margin(&system, time, &found.lyapunov, found.bound)
 }
 
 fn continuous(seed: u64, n: usize) -> Outcome {

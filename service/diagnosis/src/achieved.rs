@@ -126,6 +126,9 @@ pub struct FaultSensitivity {
     pub unit: String,
     /// 1 where detection is guaranteed, otherwise the probability that the sizes below speak of.
     pub assurance: f64,
+    /// What else must be true for it than for the false alarms; empty: nothing.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub provided_that: String,
     /// Smallest constant fault that is detected; none: no size is, unless [`Achieved::not_stated`] says otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub detectable: Option<f64>,

@@ -80,7 +80,14 @@ pub(super) fn smallest_faults(achieved: &Achieved) -> Option<String> {
         None => format!("{} at no size", fault.fault),
     };
     let stated: Vec<String> = achieved.faults.iter().filter(stated).map(describe).collect();
-    (!stated.is_empty()).then(|| stated.join(", "))
+    if stated.is_empty() {
+        return None;
+    }
+    let sizes = stated.join(", ");
+    Some(match conditions(&achieved.faults) {
+        Some(conditions) => format!("{sizes}, provided that {conditions}"),
+        None => sizes,
+    })
 }
 
 /// What nobody knows of the smallest constant faults, one text for each reason.
@@ -110,6 +117,18 @@ pub(super) fn not_stated(achieved: &Achieved) -> Vec<String> {
         )
     };
     reasons.into_iter().map(describe).collect()
+}
+
+/// What must be true for the sizes beside what excludes false alarms; `None`: nothing.
+pub(super) fn conditions(faults: &[FaultSensitivity]) -> Option<String> {
+    let mut conditions: Vec<&str> = Vec::new();
+    for fault in faults {
+        let condition = fault.provided_that.as_str();
+        if !condition.is_empty() && !conditions.contains(&condition) {
+            conditions.push(condition);
+        }
+    }
+    (!conditions.is_empty()).then(|| conditions.join("; and that "))
 }
 
 fn assurance(assurance: f64) -> String {
@@ -341,6 +360,7 @@ mod tests {
 
     fn fault(name: &str, detectable: Option<f64>) -> FaultSensitivity {
         FaultSensitivity {
+            provided_that: String::new(),
             fault: name.to_owned(),
             unit: String::new(),
             assurance: 0.9,

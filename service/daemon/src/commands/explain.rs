@@ -8,7 +8,7 @@ use residual_diagnosis::gains::SolverRun;
 use residual_diagnosis::gains::file::{Entry, GainsFile};
 
 use super::achieved::{
-    delay_table, false_alarms, fault_table, isolability_matrix, norm, not_stated, number, poles,
+    conditions, delay_table, false_alarms, fault_table, isolability_matrix, norm, not_stated, number, poles,
     smallest_margin,
 };
 use super::lines::Lines;
@@ -88,6 +88,9 @@ fn entry(lines: &mut Lines, entry: &Entry) {
     if let Some(faults) = fault_table(achieved) {
         lines.heading("  smallest constant faults".to_owned());
         lines.block(&faults.to_string());
+        if let Some(conditions) = conditions(&achieved.faults) {
+            lines.entry("provided that", conditions);
+        }
     }
     for sizes in not_stated(achieved) {
         lines.entry("smallest faults", sizes);

@@ -61,6 +61,7 @@ mod tests {
                 fault: "valve".to_owned(),
                 unit: "kW".to_owned(),
                 assurance: 1.0,
+                provided_that: String::new(),
                 detectable: Some(1.0),
                 isolable: None,
                 delays: vec![delay(0.1, 3.0), delay(0.5, 1.0)],

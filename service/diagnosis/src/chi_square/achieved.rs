@@ -187,6 +187,7 @@ impl ChiSquareDiagnoser {
                 fault: fault.clone(),
                 unit: channel.map_or_else(String::new, |channel| channel.unit.clone()),
                 assurance: ASSURANCE,
+                provided_that: String::new(),
                 detectable: sizes.last().copied().filter(|size| size.is_finite()),
                 isolable: None,
                 delays: Delay::worth_stating(delays),

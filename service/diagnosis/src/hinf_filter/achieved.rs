@@ -272,6 +272,7 @@ impl Assembly<'_> {
                     fault: name.clone(),
                     unit: String::new(),
                     assurance,
+                    provided_that: String::new(),
                     detectable: visibility.and_then(Visibility::smallest),
                     isolable: if assurance > 0.0 {
                         self.isolable(j, seen)

@@ -48,6 +48,7 @@ impl<'a> Faults<'a> {
                     fault: name.clone(),
                     unit: entry(&self.design.options.model.actuator_units, actuator).to_owned(),
                     assurance: 1.0,
+                    provided_that: String::new(),
                     detectable: smallest(&detected),
                     isolable: self.isolable(actuator, &detected),
                     delays: Delay::worth_stating(delays),

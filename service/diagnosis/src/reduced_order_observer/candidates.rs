@@ -5,6 +5,7 @@ use super::{
     decoupling::Decoupling,
     options::{DesignOptions, Gains},
     plant::Plant,
+    source::Source,
 };
 use crate::tables::shaped_matrix;
 use nalgebra::DMatrix;
@@ -16,7 +17,7 @@ const TRIED_POLES: [f64; 6] = [0.0, 0.2, 0.4, 0.6, 0.8, 0.9];
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
     /// Where it comes from.
-    pub source: String,
+    pub source: Source,
     /// K, nz x p, or why there is none.
     pub k: Result<DMatrix<f64>, String>,
 }
@@ -24,7 +25,7 @@ pub struct Candidate {
 /// The gains that need no solver, in the order in which equal ones are preferred.
 pub fn closed_forms(plant: &Plant, decoupling: &Decoupling, design: &DesignOptions) -> Vec<Candidate> {
     let given = || Candidate {
-        source: "given K".to_owned(),
+        source: Source::Given,
         k: shaped_matrix(
             "design.K",
             design.k.as_deref().unwrap_or_default(),
@@ -34,7 +35,7 @@ pub fn closed_forms(plant: &Plant, decoupling: &Decoupling, design: &DesignOptio
         .map_err(|error| error.to_string()),
     };
     let placed = |poles: &[f64]| Candidate {
-        source: format!("closed form with poles {poles:?}"),
+        source: Source::Poles(poles.to_vec()),
         k: closed_form(decoupling, poles).map_err(|error| error.to_string()),
     };
     match design.gains {
@@ -42,7 +43,7 @@ pub fn closed_forms(plant: &Plant, decoupling: &Decoupling, design: &DesignOptio
         Gains::ClosedForm => vec![placed(design.poles.as_deref().unwrap_or_default())],
         Gains::Auto | Gains::H2 | Gains::Lmi => {
             let mut all = vec![Candidate {
-                source: "K0".to_owned(),
+                source: Source::Particular,
                 k: Ok(decoupling.k0.clone()),
             }];
             if is_free(decoupling) {

@@ -7,8 +7,8 @@ use super::{
     observer::Observer,
     plant::{Plant, beside, stack},
 };
-use crate::lyapunov::discrete;
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use crate::{decomposition::SymmetricDecomposition, lyapunov::discrete};
+use nalgebra::DMatrix;
 
 /// Smallest δ tried.
 const SMALLEST_DELTA: f64 = 1e-12;
@@ -65,7 +65,7 @@ impl Certificate {
         if !(asymmetry <= EQUALITY * size) {
             return Err(format!("P must be symmetric, P - P' reaches {asymmetry:e}"));
         }
-        let smallest = eigenvalues(&p).map_or(f64::NAN, |values| values.min());
+        let smallest = SymmetricDecomposition::new(&p).smallest();
         if !(smallest > 0.0) {
             return Err(format!(
                 "P must be positive definite, its smallest eigenvalue is {smallest:e}"
@@ -83,7 +83,7 @@ impl Certificate {
         let mut measured = closed.columns_mut(0, outputs);
         measured += &l;
         let difference = closed.transpose() * &p * &closed - &p;
-        let decrease = eigenvalues(&difference).map_or(f64::NAN, |values| values.max());
+        let decrease = -SymmetricDecomposition::new(&-difference).smallest();
         if !(decrease < 0.0) {
             return Err(format!(
                 "(A + L C)'P(A + L C) - P must be negative definite, its largest eigenvalue is {decrease:e}"
@@ -96,11 +96,4 @@ impl Certificate {
             decrease,
         })
     }
-}
-
-/// Eigenvalues of the symmetric part; `None` if the iteration does not converge.
-fn eigenvalues(matrix: &DMatrix<f64>) -> Option<DVector<f64>> {
-    const ITERATIONS: usize = 10_000;
-    let symmetric = (matrix + matrix.transpose()) / 2.0;
-    Some(SymmetricEigen::try_new(symmetric, f64::EPSILON, ITERATIONS)?.eigenvalues)
 }

@@ -40,6 +40,11 @@ pub struct Decoupling {
 }
 
 impl Decoupling {
+    /// Whether there is more than one decoupling gain; else it is K0.
+    pub fn has_choice(&self) -> bool {
+        self.k0.nrows() > 0 && self.free.ncols() > 0
+    }
+
     /// Checks the assumptions of method sheet 3.1 for the unknown inputs `u` (n x qu, in x').
     ///
     /// # Errors

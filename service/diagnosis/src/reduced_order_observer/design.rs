@@ -2,14 +2,19 @@
 
 use residual_shared::record::MAX_FAULTS;
 
+use nalgebra::DMatrix;
+
 use super::{
     certificate::Certificate,
+    decoupling::Decoupling,
     error::ConstructionError,
-    gains::ReducedOrderObserverGains,
+    gains::{MainGains, ReducedOrderObserverGains},
     isolation_verification::isolation_observers,
+    observer::Observer,
     observer_design::ObserverDesign,
-    options::{Mode, ReducedOrderObserverOptions},
+    options::{Gains, Mode, NamedM, ObserverM, ReducedOrderObserverOptions},
     plant::Plant,
+    source::Source,
     synthesis::find_gains,
     verification::main_observer,
 };
@@ -72,12 +77,23 @@ impl Design {
                 reason: "they have members or estimators, but the configuration asks for none".to_owned(),
             });
         }
-        let [members, estimators] = isolation_observers(&plant, options, &gains.members, &gains.estimators)?;
+        let [members, estimators] = match isolates {
+            true => isolation_observers(&plant, options, &gains.members, &gains.estimators)?,
+            false => [Vec::new(), Vec::new()],
+        };
         let mut warnings = Vec::new();
         if certificate.is_none() {
-            warnings
-                .push("there is no Lyapunov certificate of the gains; F or M is nearly unstable".to_owned());
+            warnings.push(
+                "no Lyapunov certificate of the gains is found; F or M is nearly unstable, or their entries differ too \
+                 much in size"
+                    .to_owned(),
+            );
         }
+        warnings.extend(fall_backs(&plant, options, &gains.main)?);
+        warnings.extend(rounding_warning(
+            &main.observer,
+            options.bounds.rounding_tolerance,
+        ));
         Ok(Self {
             options: options.clone(),
             gains: gains.clone(),
@@ -88,6 +104,55 @@ impl Design {
             warnings,
         })
     }
+}
+
+/// Where gains of a closed form stand for those of a solver that the options insist on.
+fn fall_backs(
+    plant: &Plant,
+    options: &ReducedOrderObserverOptions,
+    gains: &MainGains,
+) -> Result<Vec<String>, ConstructionError> {
+    let design = &options.design;
+    let mut warnings = Vec::new();
+    let as_asked = match design.gains {
+        Gains::H2 => gains.source == Source::NoiseAware,
+        Gains::Lmi => matches!(gains.source, Source::Paper(_)),
+        Gains::Auto | Gains::ClosedForm | Gains::Given => true,
+    };
+    if !as_asked && Decoupling::new(plant, &plant.d)?.has_choice() {
+        warnings.push(format!(
+            "`design.gains` = \"{}\" is not what K comes from: the gains fell back to {}",
+            design.gains.name(),
+            gains.source
+        ));
+    }
+    if design.observer_m == ObserverM::Named(NamedM::Lmi) && gains.m.iter().flatten().all(|m| *m == 0.0) {
+        warnings.push(
+            "`design.observer_M` = \"lmi\" is not what M comes from: the gains fell back to M = 0".to_owned(),
+        );
+    }
+    Ok(warnings)
+}
+
+/// ε (|J| + |F||K|)(1 + |A12|), with maximal row sums, is about what rounding in ẑ2, which is as large as K y, adds to
+/// a residual per unit of y.
+fn rounding_warning(observer: &Observer, tolerance: f64) -> Option<String> {
+    let size = |matrix: &DMatrix<f64>| {
+        let rows = matrix
+            .row_iter()
+            .map(|row| row.iter().map(|entry| entry.abs()).sum());
+        rows.fold(0.0, f64::max)
+    };
+    let hidden = size(&observer.j) + size(&observer.f) * size(&observer.k);
+    let rounding = f64::EPSILON * hidden * (1.0 + size(&observer.a12));
+    (rounding > tolerance).then(|| {
+        format!(
+            "gains as large as {:.3e} let rounding add about {rounding:.1e} to a residual for each unit of the outputs, \
+             more than `bounds.rounding_tolerance` = {tolerance:e}: false alarms are not excluded; scale the states of \
+             the model or raise the tolerance",
+            observer.k.amax()
+        )
+    })
 }
 
 /// The plant of options without a mistake.

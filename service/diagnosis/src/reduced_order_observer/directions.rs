@@ -12,6 +12,8 @@ use nalgebra::{DMatrix, DVector};
 const PARALLEL: f64 = 1.0 - 1e-9;
 /// Columns shorter than this share of the longest have no facet worth a test.
 const NEGLIGIBLE: f64 = 1e-12;
+/// Entries below this share of the largest do not decide the sign of a direction.
+const SIGNED: f64 = 1e-9;
 /// Columns whose pairs span the tested facets for p = 3.
 const LONGEST: usize = 6;
 
@@ -37,7 +39,8 @@ pub fn test_directions(
         let (blind, facets) = (null_space(&d1), facet_normals(plant, reach));
         let columns = blind.column_iter().chain(facets.column_iter());
         let others = columns.map(|column| column.into_owned());
-        for direction in others.chain(further.iter().cloned()) {
+        for mut direction in others.chain(further.iter().cloned()) {
+            direction *= orientation(direction.as_slice());
             let known = rows.iter().any(|row| row.dot(&direction).abs() > PARALLEL);
             if !known && rows.len() < limit {
                 rows.push(direction);
@@ -45,6 +48,16 @@ pub fn test_directions(
         }
     }
     DMatrix::from_fn(rows.len(), p, |i, j| rows[i][j])
+}
+
+/// The sign that makes the first entry of a direction that is not negligible positive: w and -w are the same test, but
+/// their channels are mirrored.
+pub(super) fn orientation(direction: &[f64]) -> f64 {
+    let largest = direction
+        .iter()
+        .fold(0.0, |most: f64, entry| most.max(entry.abs()));
+    let first = direction.iter().find(|entry| entry.abs() > SIGNED * largest);
+    first.map_or(1.0, |entry| entry.signum())
 }
 
 /// Orthonormal basis of the w with w' `columns` = 0, p x (p - rank): the directions in which `columns` are not seen.

@@ -71,16 +71,3 @@ pub fn fault_floors(observer: &Observer, tests: &DMatrix<f64>, steady: &DVector<
             .fold(f64::INFINITY, f64::min)
     })
 }
-
-/// Samples from the onset of a constant fault until its alarm is certain, if it is within 200.
-pub fn guaranteed_delay(
-    observer: &Observer,
-    tests: &DMatrix<f64>,
-    steady: &DVector<f64>,
-    actuator: usize,
-    fault: f64,
-) -> Option<usize> {
-    certain_sizes(observer, tests, steady, actuator)
-        .iter()
-        .position(|size| fault.abs() > *size)
-}

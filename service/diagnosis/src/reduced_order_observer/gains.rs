@@ -3,7 +3,7 @@
 //! All test rows are among them, so that nothing is searched for when a diagnoser is constructed. None of them is
 //! trusted: `verification` checks every one against the plant.
 
-use super::{certificate::Certificate, observer_design::ObserverDesign};
+use super::{certificate::Certificate, observer_design::ObserverDesign, source::Source};
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
@@ -25,8 +25,8 @@ pub struct ReducedOrderObserverGains {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MainGains {
-    /// Which design K comes from, for people.
-    pub source: String,
+    /// Which design K comes from, in words.
+    pub source: Source,
     /// K, nz x p, with K D1 + D2 = 0.
     #[serde(rename = "K")]
     pub k: Vec<Vec<f64>>,
@@ -76,7 +76,7 @@ pub struct EstimatorGains {
 
 impl MainGains {
     /// The gains of a designed observer.
-    pub fn new(design: &ObserverDesign, source: String, certificate: Option<&Certificate>) -> Self {
+    pub fn new(design: &ObserverDesign, source: Source, certificate: Option<&Certificate>) -> Self {
         Self {
             source,
             k: rows(&design.observer.k),

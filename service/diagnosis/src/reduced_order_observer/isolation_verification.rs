@@ -5,7 +5,7 @@ use super::{
     decoupling::Decoupling,
     error::ConstructionError,
     gains::{EstimatorGains, MemberGains},
-    isolation_design::{SLOWEST, unknown_inputs},
+    isolation_design::{SLOWEST, find_isolation_gains, unknown_inputs},
     observer::{Decoupled, Observer},
     observer_design::ObserverDesign,
     options::ReducedOrderObserverOptions,
@@ -18,7 +18,7 @@ use nalgebra::DMatrix;
 /// Relative to the factors: what rounding may leave of W U1 and of φ U1.
 const BLIND: f64 = 1e-12;
 
-/// The members and the estimators.
+/// The members and the estimators: those of every actuator for which the closed form finds one.
 ///
 /// # Errors
 /// [`ConstructionError::GainsRefused`], or the condition of the plant that does not hold.
@@ -33,6 +33,17 @@ pub(super) fn isolation_observers(
         "gains.estimators",
         estimators.iter().map(|gains| gains.actuator),
         plant,
+    )?;
+    let found = find_isolation_gains(plant, options);
+    none_is_missing(
+        "gains.members",
+        found.members.iter().map(|gains| gains.actuator),
+        |actuator| members.iter().any(|gains| gains.actuator == actuator),
+    )?;
+    none_is_missing(
+        "gains.estimators",
+        found.estimators.iter().map(|gains| gains.actuator),
+        |actuator| estimators.iter().any(|gains| gains.actuator == actuator),
     )?;
     let members = members.iter().enumerate();
     let members = members.map(|(index, gains)| member(plant, &format!("gains.members.{index}"), gains));
@@ -63,6 +74,20 @@ fn at_most_one_each(
         return refuse(&format!("{key}.{index}.actuator"), reason);
     }
     Ok(())
+}
+
+fn none_is_missing(
+    key: &str,
+    mut possible: impl Iterator<Item = usize>,
+    is_there: impl Fn(usize) -> bool,
+) -> Result<(), ConstructionError> {
+    match possible.find(|actuator| !is_there(*actuator)) {
+        None => Ok(()),
+        Some(actuator) => refuse(
+            key,
+            format!("actuator {actuator} has none, but the configuration asks for it and there is one"),
+        ),
+    }
 }
 
 fn member(plant: &Plant, key: &str, gains: &MemberGains) -> Result<ObserverDesign, ConstructionError> {

@@ -106,7 +106,7 @@ impl MethodOptions for ReducedOrderObserverOptions {
 fn notes(design: &Design) -> Vec<(&'static str, String)> {
     let main = &design.main;
     let mut notes = vec![
-        ("gains", design.gains.main.source.clone()),
+        ("gains", source(design)),
         ("K", matrix(&main.observer.k)),
         ("M", matrix(&main.observer.m)),
         ("eigenvalues of F", eigenvalues(main)),
@@ -146,6 +146,15 @@ fn notes(design: &Design) -> Vec<(&'static str, String)> {
         }
     }
     notes
+}
+
+/// Where K comes from; what cannot be recomputed is marked as a statement.
+fn source(design: &Design) -> String {
+    let source = &design.gains.main.source;
+    match source.is_of_solver() {
+        true => format!("{source}, as they state"),
+        false => source.to_string(),
+    }
 }
 
 fn eigenvalues(design: &ObserverDesign) -> String {

@@ -54,6 +54,7 @@ mod options_validate;
 pub mod plant;
 pub mod reach;
 mod responses;
+pub mod source;
 mod start;
 mod state_interval;
 pub mod synthesis;

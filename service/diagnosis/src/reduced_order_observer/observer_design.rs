@@ -1,8 +1,12 @@
 //! An observer with its tests and their tables: everything about it that data do not change.
 
 use super::{
-    directions::null_space, floors::fault_floors, observer::Observer, options::ReducedOrderObserverOptions,
-    plant::Plant, reach::Reach,
+    directions::{null_space, orientation},
+    floors::fault_floors,
+    observer::Observer,
+    options::ReducedOrderObserverOptions,
+    plant::Plant,
+    reach::Reach,
 };
 use crate::decomposition::eigenvalues;
 use nalgebra::{Complex, DMatrix, DVector};
@@ -101,9 +105,14 @@ pub(super) fn convergence_reason(observer: &Observer, limit: f64) -> Option<(&'s
     None
 }
 
-/// Rows that do not see the columns of `unseen` (p x qu): orthonormal.
+/// Rows that do not see the columns of `unseen` (p x qu): orthonormal, with the sign of test directions.
 pub(super) fn blind_rows(unseen: &DMatrix<f64>) -> DMatrix<f64> {
-    null_space(unseen).transpose()
+    let mut rows = null_space(unseen).transpose();
+    for mut row in rows.row_iter_mut() {
+        let sign = orientation(&row.iter().copied().collect::<Vec<_>>());
+        row *= sign;
+    }
+    rows
 }
 
 /// The noise-free and disturbance-free check that the tables can be used.

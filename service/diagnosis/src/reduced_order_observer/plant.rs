@@ -204,7 +204,7 @@ pub(super) fn stack(upper: &DMatrix<f64>, lower: &DMatrix<f64>) -> DMatrix<f64> 
 }
 
 /// `left` beside `right`.
-pub(super) fn beside(left: &DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
+pub fn beside(left: &DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
     let (rows, before) = left.shape();
     DMatrix::from_fn(rows, before + right.ncols(), |i, j| match j.checked_sub(before) {
         None => left[(i, j)],

@@ -17,6 +17,7 @@ use super::{
     options::{Gains, Mode, NamedM, Objective, ObserverM, ReducedOrderObserverOptions, Test},
     plant::Plant,
     reach::Reach,
+    source::Source,
 };
 use crate::{gains::FoundGains, tables::shaped_matrix};
 use nalgebra::{DMatrix, DVector};
@@ -31,7 +32,7 @@ pub type Directions<'a> = dyn FnMut(&Observer, &Reach) -> Vec<DVector<f64>> + 'a
 #[derive(Clone, Debug, PartialEq)]
 pub struct Accepted {
     /// Where it comes from.
-    pub source: String,
+    pub source: Source,
     /// The observer.
     pub design: ObserverDesign,
 }
@@ -108,7 +109,7 @@ impl<'a> Synthesis<'a> {
 
     /// Whether there is more than one decoupling gain; else it is K0.
     pub fn has_choice(&self) -> bool {
-        self.plant.hidden() > 0 && self.decoupling.free.ncols() > 0
+        self.decoupling.has_choice()
     }
 
     /// Whether combinations of outputs are tested by more than facets can say: method sheet 3.8, rule 4.

@@ -4,13 +4,14 @@
 //! | observer | conditions |
 //! |---|---|
 //! | all | K U1 + U2 = 0 up to rounding; \|eig F\| below its limit; M Schur; finite tables |
-//! | main | U = D; the first p rows of W are I_p, all of length 1; the certificate P, if there is one |
+//! | main | U = D; K comes from its source, unless only a solver can tell; the first p rows of W are I_p, all of length 1; the certificate P, which may be missing only where none is found |
 //! | member i | U = \[b_i D\] or b_i, M = 0; W U1 = 0, rows of length 1 |
 //! | estimator i | U as there, M = 0; φ U1 = \[1 0 ... 0\] |
 
 use super::{
     certificate::Certificate,
     decoupling::Decoupling,
+    directions::orientation,
     error::ConstructionError,
     gains::MainGains,
     observer::{Decoupled, Observer},
@@ -42,6 +43,9 @@ pub(super) fn main_observer(
     };
     let limit = convergence_limit(options);
     let observer = observer(plant, &decoupling, "gains.main", &gains.k, m, decoupled, limit)?;
+    if !gains.source.is_of(&observer.k, &decoupling, &options.design) {
+        return refuse("gains.main.source", format!("K is not {}", gains.source));
+    }
     let tests = unit_rows("gains.main.W", &gains.w, p)?;
     let most = options.bounds.max_directions;
     if tests.nrows() < p || tests.rows(0, p) != DMatrix::identity(p, p) {
@@ -60,7 +64,10 @@ pub(super) fn main_observer(
         );
     }
     let certificate = match &gains.p {
-        None => None,
+        None => match Certificate::find(plant, &observer) {
+            Some(_) => return refuse("gains.main.P", "it is missing, and there is one".to_owned()),
+            None => None,
+        },
         Some(rows) => {
             let matrix = shaped_matrix("gains.main.P", rows, (n, n), "states x states")?;
             match Certificate::verify(plant, &observer, matrix) {
@@ -118,7 +125,7 @@ pub(super) fn designed(
     Ok(design)
 }
 
-/// Rows of length 1.
+/// Rows of length 1 with the sign of test directions.
 pub(super) fn unit_rows(
     key: &str,
     rows: &[Vec<f64>],
@@ -126,12 +133,20 @@ pub(super) fn unit_rows(
 ) -> Result<DMatrix<f64>, ConstructionError> {
     let count = matrix(key, rows)?.nrows();
     let rows = shaped_matrix(key, rows, (count, outputs), "directions x outputs")?;
-    match rows
+    if let Some(row) = rows
         .row_iter()
         .position(|row| !((row.norm() - 1.0).abs() <= UNIT))
     {
+        return refuse(key, format!("row {row} must have length 1"));
+    }
+    let mirrored = |row: &[f64]| orientation(row) < 0.0;
+    let stated: Vec<Vec<f64>> = rows.row_iter().map(|row| row.iter().copied().collect()).collect();
+    match stated.iter().position(|row| mirrored(row)) {
         None => Ok(rows),
-        Some(row) => refuse(key, format!("row {row} must have length 1")),
+        Some(row) => refuse(
+            key,
+            format!("the first entry of row {row} that is not negligible must be positive"),
+        ),
     }
 }
 

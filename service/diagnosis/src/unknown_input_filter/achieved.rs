@@ -218,6 +218,7 @@ impl<'a> Inspection<'a> {
                 fault: actuator.name.clone(),
                 unit: actuator.unit.clone(),
                 assurance: 1.0,
+                provided_that: self.sizes_provided_that(),
                 detectable: finite(last.detectable),
                 isolable: finite(last.isolable),
                 delays: Delay::worth_stating(delays),
@@ -235,6 +236,21 @@ impl<'a> Inspection<'a> {
         };
         let sizes = [SizeOf::Detectable, SizeOf::Isolable].into_iter();
         sizes.filter(|_| baseline).map(not_stated).collect()
+    }
+
+    /// A⁺|x| widens every set, so that the sizes hold for a bounded state only; nothing where A⁺ = 0.
+    fn sizes_provided_that(&self) -> String {
+        if self.model.a_plus().amax() == 0.0 {
+            return String::new();
+        }
+        let unset = match self.options.filter.nominal_state_magnitude {
+            Some(_) => "",
+            None => ", which is not set and so zero",
+        };
+        format!(
+            "every state in the filters' sets stays within `filter.nominal_state_magnitude`{unset}; larger states widen \
+             the bounds"
+        )
     }
 
     fn isolability(&self) -> Vec<Separation> {

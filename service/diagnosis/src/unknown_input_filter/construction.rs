@@ -8,10 +8,11 @@ use super::{
     checks::check_modes,
     error::ConstructionError,
     filter::{CoupledFilter, CoupledOptions},
-    fixed_gain::Nominal,
+    fixed_gain::{FixedGain, Nominal},
     fixed_step::FixedFilter,
     gains::{UnknownInputFilterGains, from_rows},
     gains_check::{GainsError, check_places, fixed_gain, observer},
+    gains_complete::check_tests,
     kalman::{KalmanFilter, KalmanOptions},
     mode_filter::ModeFilter,
     modes::FaultMode,
@@ -70,6 +71,7 @@ impl UnknownInputFilterBank {
             .map(|(mode, _)| *mode)
             .collect();
         check_places(gains, &tested, filter.form)?;
+        check_tests(gains, &tested, options, plant.nu())?;
         let parity_test = |(index, certificate): (usize, &ParityCertificate)| {
             ParityTest::new(certificate, &model, filter.outward_rounding)
                 .map_err(|source| GainsError::Certificate { index, source })
@@ -193,6 +195,14 @@ fn build_filter(
             let shaping = shaping_matrix(model, options);
             let mut coupled = CoupledFilter::new(plant, mode, &coupled_options(options, shaping.as_ref()));
             let fixed = fixed_gain(plant, &coupled, gains, options, nominal)?;
+            if fixed.is_none() && filter.gain == GainRule::RowWise {
+                // As a candidate for rows it may be missing only where the design finds none.
+                let found = FixedGain::design(plant, &design_filter(model, plant, mode, options), nominal);
+                if found.is_some() {
+                    let matrix = "L_fix";
+                    return Err(GainsError::Missing { mode, matrix }.into());
+                }
+            }
             let radius = fixed.as_ref().map(|fixed| fixed.radius.clone());
             let filter = match (fixed, filter.gain) {
                 (Some(fixed), GainRule::Fixed) => ModeFilter::Fixed(FixedFilter::new(plant, coupled, &fixed)),

@@ -96,7 +96,40 @@ impl Inspection<'_> {
             ),
         }
         warnings.extend(self.harmful_s());
+        warnings.extend(self.no_parity_tests());
         warnings
+    }
+
+    /// Which of the tests that `parity.lengths` asks for do not run.
+    fn no_parity_tests(&self) -> Option<String> {
+        let (parity, gains) = (&self.options.parity, self.gains);
+        if self.options.filter.form != Form::Coupled
+            || parity.certificates.is_some()
+            || parity.lengths.is_empty()
+        {
+            return None;
+        }
+        let untested = gains.untested.iter().map(|window| {
+            format!(
+                "{} against {} over L = {} ({})",
+                self.describe(window.mode),
+                self.model.actuators()[window.fault].name,
+                window.length,
+                window.reason.name()
+            )
+        });
+        match (gains.certificates.len(), gains.untested.len()) {
+            (0, 0) => Some(
+                "no parity test runs: the gains have no certificates for `parity.lengths`; design them with a program \
+                 that has a solver"
+                    .to_owned(),
+            ),
+            (_, 0) => None,
+            (_, count) => Some(format!(
+                "{count} parity tests do not run, because the gains say that there are none: {}",
+                untested.collect::<Vec<_>>().join(", ")
+            )),
+        }
     }
 
     /// A warning for every actuator whose fault of interest (units of u) is not certainly detected with the state at

@@ -18,6 +18,7 @@ use super::{
     paper::UnknownInputObserver,
     plant::Plant,
 };
+use crate::choice::choice;
 use crate::model::LinearModel;
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
@@ -32,6 +33,34 @@ pub struct UnknownInputFilterGains {
     /// The parity certificates, in the order of their tests.
     #[serde(rename = "certificate", skip_serializing_if = "Vec::is_empty")]
     pub certificates: Vec<ParityCertificate>,
+    /// The windows of `parity.lengths` that a design found no certificate for.
+    #[serde(rename = "untested", skip_serializing_if = "Vec::is_empty")]
+    pub untested: Vec<Untested>,
+}
+
+/// A window over which no parity test runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Untested {
+    /// The mode that is not falsified.
+    pub mode: FaultMode,
+    /// The foreign actuator whose fault is not seen.
+    pub fault: usize,
+    /// L.
+    #[serde(rename = "L")]
+    pub length: usize,
+    /// Why.
+    pub reason: WhyUntested,
+}
+
+choice! {
+    /// Why a window has no certificate.
+    WhyUntested {
+        /// No fault, however large, can be told from the mode within it.
+        NotSeparable = "not_separable",
+        /// The solver failed.
+        NotComputed = "not_computed",
+    }
 }
 
 /// The numbers of one mode; matrices row by row.
@@ -97,7 +126,11 @@ impl UnknownInputFilterGains {
         for &mode in &testable {
             modes.extend(find_mode(model, &plant, mode, options, &nominal)?);
         }
-        Ok(Self { modes, certificates })
+        Ok(Self {
+            modes,
+            certificates,
+            untested: Vec::new(),
+        })
     }
 
     /// The numbers of a mode, with their place in the list.

@@ -105,6 +105,34 @@ pub enum GainsError {
         /// Its mode.
         mode: FaultMode,
     },
+    /// A window that is asked for but has no test.
+    #[error(
+        "mode {mode}, fault {fault} and L = {length} have no certificate, nor are they among the windows without test; \
+         design the gains again"
+    )]
+    NoTest {
+        /// The mode.
+        mode: FaultMode,
+        /// The fault.
+        fault: usize,
+        /// L.
+        length: usize,
+    },
+    /// A window that is said to have no test, but has one or is not asked for.
+    #[error(
+        "mode {mode}, fault {fault} and L = {length} are said to have no test, but they have one or the configuration \
+         does not ask for it; design the gains again"
+    )]
+    Tested {
+        /// Position in the list of windows without test.
+        index: usize,
+        /// The mode.
+        mode: FaultMode,
+        /// The fault.
+        fault: usize,
+        /// L.
+        length: usize,
+    },
     /// Two certificates for the same test.
     #[error("mode {mode}, fault {fault} and L = {length} have two certificates; leave one of them out")]
     RepeatedCertificate {
@@ -131,6 +159,8 @@ impl GainsError {
             Self::Unused { index, matrix, .. } => format!("gains.mode.{index}.{matrix}"),
             Self::Fixed { index, .. } => format!("gains.mode.{index}.L_fix"),
             Self::Decoupling { index, .. } => format!("gains.mode.{index}"),
+            Self::NoTest { .. } => "gains.certificate".to_owned(),
+            Self::Tested { index, .. } => format!("gains.untested.{index}"),
             Self::Certificate { index, .. }
             | Self::CertificateOfUntestedMode { index, .. }
             | Self::RepeatedCertificate { index, .. } => format!("gains.certificate.{index}"),

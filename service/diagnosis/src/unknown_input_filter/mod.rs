@@ -17,6 +17,7 @@ mod floors;
 mod gain;
 pub mod gains;
 pub mod gains_check;
+mod gains_complete;
 mod kalman;
 pub mod lti;
 mod missing;

@@ -11,7 +11,7 @@ use residual_diagnosis::reduced_order_observer::{
     decoupling::Decoupling,
     directions::test_directions,
     error::ConstructionError,
-    floors::guaranteed_delay,
+    floors::certain_sizes,
     observer_design::ObserverDesign,
     options::{Gains, Objective},
     plant::Plant,
@@ -432,13 +432,9 @@ fn the_set_test_needs_one_sample_where_the_outputs_need_six() {
     let main = design(&options).main;
     let delay = |rows: usize| {
         let tests = main.tests.rows(0, rows).into_owned();
-        guaranteed_delay(
-            &main.observer,
-            &tests,
-            &main.steady().rows(0, rows).into_owned(),
-            0,
-            0.5,
-        )
+        let steady = main.steady().rows(0, rows).into_owned();
+        let sizes = certain_sizes(&main.observer, &tests, &steady, 0);
+        sizes.iter().position(|size| 0.5 > *size)
     };
     assert_eq!((delay(2), delay(main.tests.nrows())), (Some(6), Some(1)));
 }

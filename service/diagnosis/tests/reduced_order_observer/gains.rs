@@ -17,7 +17,8 @@ use residual_diagnosis::{
         design::Design,
         floors::step_response,
         gains::ReducedOrderObserverGains,
-        options::{Mode, ObserverM, ReducedOrderObserverOptions},
+        options::{Gains, Mode, NamedM, ObserverM, ReducedOrderObserverOptions},
+        source::Source,
     },
 };
 
@@ -143,7 +144,7 @@ type Change = fn(&mut ReducedOrderObserverGains);
 
 #[test]
 fn altered_gains_are_refused_with_the_condition_that_they_violate() {
-    let cases: [(Change, &str, &str); 23] = [
+    let cases: [(Change, &str, &str); 26] = [
         (
             |gains| gains.main.k[0][0] += 1e-6,
             "gains.main.K",
@@ -183,6 +184,21 @@ fn altered_gains_are_refused_with_the_condition_that_they_violate() {
             },
             "gains.main.W",
             "max_directions",
+        ),
+        (
+            |gains| gains.main.w[2].iter_mut().for_each(|w| *w *= -1.0),
+            "gains.main.W",
+            "must be positive",
+        ),
+        (
+            |gains| gains.members[0].w[0].iter_mut().for_each(|w| *w *= -1.0),
+            "gains.members.0.W",
+            "must be positive",
+        ),
+        (
+            |gains| gains.main.source = Source::Poles(vec![0.123, 0.456]),
+            "gains.main.source",
+            "K is not closed form with poles [0.123, 0.456]",
         ),
         (
             |gains| *first_of_p(gains) *= -1.0,
@@ -264,15 +280,108 @@ fn a_certificate_that_belongs_to_other_gains_is_refused() {
     assert_eq!(refused.key, "gains.main.P");
     let refused = refusal(&options, |gains| gains.main.p = Some(unit(3)));
     assert!(refused.message.contains("D'P N_c must vanish"), "{refused}");
-    let none = {
-        let mut gains = found(&options);
-        gains.main.p = None;
-        options.with_gains(0.1, &gains).unwrap()
+}
+
+#[test]
+fn a_certificate_may_be_missing_only_where_there_is_none() {
+    let refused = refusal(&servo(0.01), |gains| gains.main.p = None);
+    assert_eq!(refused.key, "gains.main.P");
+    assert!(refused.message.contains("missing"), "{refused}");
+    // M is nilpotent, but so large that rounding hides the decrease of every certificate.
+    let mut options = servo(0.01);
+    options.design.observer_m = ObserverM::Matrix(vec![vec![0.0, 1e9], vec![0.0, 0.0]]);
+    let gains = found(&options);
+    assert_eq!(gains.main.p, None);
+    let warnings = options.with_gains(0.1, &gains).unwrap().warnings;
+    assert!(warnings[0].contains("no Lyapunov certificate"), "{warnings:?}");
+}
+
+#[test]
+fn a_member_or_an_estimator_that_there_is_and_that_is_asked_for_must_not_be_missing() {
+    type Removal = fn(&mut ReducedOrderObserverGains);
+    let cases: [(Removal, &str, &str); 4] = [
+        (|gains| gains.members.clear(), "gains.members", "actuator 0"),
+        (
+            |gains| drop(gains.members.remove(1)),
+            "gains.members",
+            "actuator 1",
+        ),
+        (|gains| gains.estimators.clear(), "gains.estimators", "actuator 0"),
+        (
+            |gains| drop(gains.estimators.remove(1)),
+            "gains.estimators",
+            "actuator 1",
+        ),
+    ];
+    for (removal, key, actuator) in cases {
+        let refused = refusal(&vehicle(), removal);
+        assert_eq!(refused.key, key);
+        assert!(refused.message.contains(actuator), "{refused}");
+    }
+    let mut without = vehicle();
+    without.isolation.fault_estimate = false;
+    let gains = found(&without);
+    assert!(gains.estimators.is_empty() && gains.members.len() == 2);
+    without.with_gains(0.1, &gains).unwrap();
+}
+
+#[test]
+fn the_source_of_a_gain_goes_through_its_words_and_others_are_refused() {
+    for source in [
+        Source::Given,
+        Source::Particular,
+        Source::Poles(vec![0.9, -0.125, 1e-9]),
+        Source::Poles(Vec::new()),
+        Source::NoiseAware,
+        Source::Paper(0.2),
+    ] {
+        assert_eq!(Source::try_from(source.to_string()), Ok(source));
+    }
+    for text in ["", "K1", "closed form with poles [a]", "the best of all gains"] {
+        let refusal = Source::try_from(text.to_owned()).unwrap_err();
+        assert!(refusal.contains("no source"), "{refusal}");
+    }
+}
+
+#[test]
+fn a_fall_back_to_closed_forms_is_said_whenever_its_gains_are_used() {
+    let gains = found(&servo(0.01));
+    let warnings = |change: fn(&mut ReducedOrderObserverOptions)| {
+        let mut options = servo(0.01);
+        change(&mut options);
+        options.with_gains(0.1, &gains).unwrap().warnings.join("; ")
     };
+    assert_eq!(warnings(|_| ()), "");
+    for change in [
+        (|options| options.design.gains = Gains::H2) as fn(&mut ReducedOrderObserverOptions),
+        |options| options.design.gains = Gains::Lmi,
+    ] {
+        assert!(
+            warnings(change).contains("fell back to closed form"),
+            "{}",
+            warnings(change)
+        );
+    }
+    let no_m = warnings(|options| options.design.observer_m = ObserverM::Named(NamedM::Lmi));
+    assert!(no_m.contains("fell back to M = 0"), "{no_m}");
+}
+
+#[test]
+fn gains_so_large_that_rounding_exceeds_its_tolerance_are_warned_of() {
+    let mut options = servo(0.01);
+    let designed = |options: &ReducedOrderObserverOptions| {
+        options
+            .with_gains(0.1, &found(options))
+            .unwrap()
+            .warnings
+            .join("; ")
+    };
+    assert_eq!(designed(&options), "");
+    options.bounds.rounding_tolerance = 1e-15;
+    let warned = designed(&options);
     assert!(
-        none.warnings[0].contains("no Lyapunov certificate"),
-        "{:?}",
-        none.warnings
+        warned.contains("1e-15") && warned.contains("rounding_tolerance"),
+        "{warned}"
     );
 }
 
@@ -435,7 +544,6 @@ fn a_channel_that_sees_no_fault_and_one_whose_faults_are_too_small_are_named() {
 
 #[test]
 fn only_options_that_insist_on_a_solver_need_one() {
-    use residual_diagnosis::reduced_order_observer::options::{Gains, NamedM};
     let mut options = servo(0.01);
     assert_eq!(options.needs_solver(), None);
     for gains in [Gains::H2, Gains::Lmi] {

@@ -17,7 +17,10 @@ use crate::semidefinite::{SemidefiniteProgram, hermitian, symmetric_blocks};
 use nalgebra::DMatrix;
 use residual_diagnosis::{
     gains::SolverRun,
-    reduced_order_observer::{decoupling::Decoupling, plant::Plant},
+    reduced_order_observer::{
+        decoupling::Decoupling,
+        plant::{Plant, beside},
+    },
 };
 
 /// Lower bound of Qr.
@@ -114,12 +117,4 @@ pub fn solve(
         k: &decoupling.k0 + gain * decoupling.free.transpose(),
         run: solution.run,
     })
-}
-
-/// `left` beside `right`.
-fn beside(left: &DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
-    let mut both = DMatrix::zeros(left.nrows(), left.ncols() + right.ncols());
-    both.columns_mut(0, left.ncols()).copy_from(left);
-    both.columns_mut(left.ncols(), right.ncols()).copy_from(right);
-    both
 }

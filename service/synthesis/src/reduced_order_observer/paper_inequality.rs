@@ -12,9 +12,11 @@
 //! | M = A11 + L1 + P11⁻¹P12 (A21 + L2) | p x p | gain of the output's observer, there too; not unique |
 
 use crate::semidefinite::{SemidefiniteProgram, symmetric_blocks};
-use nalgebra::{DMatrix, SymmetricEigen};
+use nalgebra::DMatrix;
 use residual_diagnosis::{
-    decomposition::SingularDecomposition, gains::SolverRun, reduced_order_observer::plant::Plant,
+    decomposition::{SingularDecomposition, SymmetricDecomposition},
+    gains::SolverRun,
+    reduced_order_observer::plant::Plant,
 };
 
 /// λ_min(P) may fall short of 1 by this.
@@ -72,7 +74,7 @@ pub fn solve(plant: &Plant, decay_rate: f64) -> Result<PaperSolution, String> {
     let solution = problem.solve().map_err(|error| error.to_string())?;
     let (p, w) = (solution.value(p), solution.value(w));
 
-    let values = eigenvalues(&p).ok_or("the eigenvalues of P could not be computed")?;
+    let values = SymmetricDecomposition::new(&p).eigenvalues;
     let (smallest, largest) = (values.min(), values.max());
     if !(smallest >= 1.0 - SMALLEST) {
         return Err(format!(
@@ -87,8 +89,7 @@ pub fn solve(plant: &Plant, decay_rate: f64) -> Result<PaperSolution, String> {
     }
     let l = p.clone().cholesky().ok_or("P has no Cholesky factor")?.solve(&w);
     let closed = a + &l * c;
-    let change =
-        eigenvalues(&(closed.transpose() * &p * &closed - &p)).map_or(f64::NAN, |values| values.max());
+    let change = -SymmetricDecomposition::new(&(&p - closed.transpose() * &p * &closed)).smallest();
     if !(change < 0.0) {
         return Err(format!(
             "(A + L C)'P(A + L C) - P is not negative definite, it reaches {change:e}"
@@ -121,11 +122,4 @@ fn recovered(plant: &Plant, p: &DMatrix<f64>, l: &DMatrix<f64>) -> Option<(DMatr
     let k = p22.solve(&p12.transpose());
     let m = a11 + l.rows(0, outputs) + p11.solve(&(p12 * (a21 + l.rows(outputs, nz))));
     Some((k, m))
-}
-
-/// Eigenvalues of the symmetric part; `None` if the iteration does not converge.
-fn eigenvalues(matrix: &DMatrix<f64>) -> Option<nalgebra::DVector<f64>> {
-    const ITERATIONS: usize = 10_000;
-    let symmetric = (matrix + matrix.transpose()) / 2.0;
-    Some(SymmetricEigen::try_new(symmetric, f64::EPSILON, ITERATIONS)?.eigenvalues)
 }

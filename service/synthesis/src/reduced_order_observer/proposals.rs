@@ -11,6 +11,7 @@ use residual_diagnosis::{
         candidates::Candidate,
         closed_form::is_free,
         options::{Gains, NamedM, ObserverM},
+        source::Source,
         synthesis::Synthesis,
     },
     spectrum::spectral_radius,
@@ -92,7 +93,7 @@ impl Proposals {
     ) -> Result<PaperSolution, String> {
         progress(&format!("the paper's inequality with decay rate {rate}"));
         paper_inequality::solve(&synthesis.plant, rate)
-            .map_err(|reason| format!("{} is not used: {reason}", paper_source(rate)))
+            .map_err(|reason| format!("{} is not used: {reason}", Source::Paper(rate)))
     }
 
     fn take_m(&mut self, solution: &PaperSolution) {
@@ -141,27 +142,23 @@ impl Proposals {
         match solution {
             Ok(NoiseAwareSolution { k, run, .. }) => self.gains.push(Proposal {
                 candidate: Candidate {
-                    source: NOISE_AWARE.to_owned(),
+                    source: Source::NoiseAware,
                     k: Ok(k),
                 },
                 run,
                 noise_aware: true,
             }),
-            Err(reason) => self.warnings.push(format!("{NOISE_AWARE} is not used: {reason}")),
+            Err(reason) => self
+                .warnings
+                .push(format!("{} is not used: {reason}", Source::NoiseAware)),
         }
     }
-}
-
-const NOISE_AWARE: &str = "the gain of the noise-aware inequality";
-
-fn paper_source(rate: f64) -> String {
-    format!("the gain of the paper's inequality with decay rate {rate}")
 }
 
 fn proposal_of(solution: PaperSolution, rate: f64) -> Proposal {
     Proposal {
         candidate: Candidate {
-            source: paper_source(rate),
+            source: Source::Paper(rate),
             k: Ok(solution.k),
         },
         run: solution.run,

@@ -214,7 +214,7 @@ pub fn solve(
         source => FloorError::Solver { actuator, source },
     })?;
     let gain = -solution.run.objective;
-    let gap = (solution.run.objective - solution.run.dual_objective).abs() / gain.max(1.0);
+    let gap = (solution.run.objective - solution.run.dual_objective).abs();
     let accurate = |error: f64| {
         if error <= TOLERANCE {
             Ok(())
@@ -226,10 +226,12 @@ pub fn solve(
             })
         }
     };
-    accurate(gap)?;
     if gain <= SMALLEST_GAIN {
+        accurate(gap)?;
         return Ok(None);
     }
+    // Relative to the gain, so that the unit of the fault does not matter.
+    accurate(gap / gain)?;
     let z = Multipliers {
         lambda: DMatrix::from_fn(nx, n, |i, k| solution.values[layout.lambda(k, i)]),
         mu: DMatrix::from_fn(ny, n + 1, |i, k| solution.values[layout.mu(k, i)]),

@@ -6,12 +6,13 @@ pub mod floors;
 mod window_equalities;
 
 use certificates::{CertificateOptions, Designed, design};
+use floors::FloorQuestion;
 use nalgebra::DVector;
 use residual_diagnosis::gains::{FoundGains, SolverRun};
 use residual_diagnosis::method::{MethodOptions, Refusal};
 use residual_diagnosis::model::LinearModel;
 use residual_diagnosis::unknown_input_filter::checks::check_modes;
-use residual_diagnosis::unknown_input_filter::gains::UnknownInputFilterGains;
+use residual_diagnosis::unknown_input_filter::gains::{UnknownInputFilterGains, Untested, WhyUntested};
 use residual_diagnosis::unknown_input_filter::modes::FaultMode;
 use residual_diagnosis::unknown_input_filter::tables::UnknownInputFilterTables;
 
@@ -52,8 +53,24 @@ pub fn find_gains(
         design(&model, &with_filter, &request, progress).map_err(|error| Refusal::new("parity", &error))?;
     found.warnings.extend(windows_without_test(&model, &designed));
     found.solver.extend(summary(&designed.runs));
+    found.gains.untested = untested(&designed);
     found.gains.certificates = designed.certificates;
     Ok(found)
+}
+
+/// The windows without certificate, for the gains.
+fn untested(designed: &Designed) -> Vec<Untested> {
+    let entry = |question: &FloorQuestion, reason| Untested {
+        mode: question.mode,
+        fault: question.actuator,
+        length: question.length,
+        reason,
+    };
+    let not_separable = designed.not_separable.iter();
+    let not_separable = not_separable.map(|question| entry(question, WhyUntested::NotSeparable));
+    let failures = designed.failures.iter();
+    let failures = failures.map(|failure| entry(&failure.question, WhyUntested::NotComputed));
+    not_separable.chain(failures).collect()
 }
 
 /// One entry for all programs: the worst status, the iterations of all, the objectives that agree least.

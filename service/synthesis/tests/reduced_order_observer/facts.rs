@@ -121,7 +121,7 @@ fn the_noise_aware_gains_of_the_other_plants_give_the_widths_and_floors_of_the_r
         options.design.gains = Gains::H2;
         let (found, design) = designed(&options);
         assert!(
-            found.gains.main.source.contains("noise-aware"),
+            found.gains.main.source.to_string().contains("noise-aware"),
             "{:?}",
             found.warnings
         );

@@ -84,6 +84,24 @@ fn one_step_floors_grow_with_the_nominal_state_as_listed() {
 }
 
 #[test]
+fn sizes_that_hold_for_a_bounded_state_only_say_so() {
+    let mut tables = aircraft_tables("[parity]\nlengths = []");
+    let conditions = |achieved: Achieved| -> Vec<String> {
+        let faults = achieved.faults.into_iter();
+        faults.map(|fault| fault.provided_that).collect()
+    };
+    let uncertain = conditions(design(&tables).achieved);
+    assert!(
+        uncertain
+            .iter()
+            .all(|condition| condition.contains("nominal_state_magnitude")),
+        "{uncertain:?}"
+    );
+    tables.model.a_uncertainty = Vec::new();
+    assert_eq!(conditions(design(&tables).achieved), ["", ""]);
+}
+
+#[test]
 fn row_wise_floors_without_uncertainty_are_those_of_fact_14() {
     let mut tables = aircraft_tables(
         "[bank]\nfault_free_mode = false\n[parity]\nlengths = []\n[filter]\n\

@@ -5,7 +5,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use residual_diagnosis::gains::file::TOLERANCE;
 use residual_diagnosis::method::{MethodOptions, Refusal};
-use residual_diagnosis::unknown_input_filter::gains::UnknownInputFilterGains;
+use residual_diagnosis::unknown_input_filter::gains::{UnknownInputFilterGains, Untested, WhyUntested};
 use residual_diagnosis::unknown_input_filter::modes::FaultMode;
 use residual_diagnosis::unknown_input_filter::tables::UnknownInputFilterTables;
 
@@ -85,6 +85,60 @@ fn numbers_for_another_bank_are_refused() {
     assert_names(&from_paper, "gains.mode", "");
     let from_coupled = paper.with_gains(PERIOD_S, &found.gains).unwrap_err();
     assert_names(&from_coupled, "gains.certificate.0", "no parity tests");
+}
+
+#[test]
+fn what_a_design_finds_and_the_options_ask_for_must_not_be_missing() {
+    let tables = aircraft_tables("[parity]\nlengths = [1, 3]");
+    let found = find(&tables);
+    let removed = found.gains.certificates[2].clone();
+    let no_test = refusal(&tables, &found, |gains| drop(gains.certificates.remove(2)));
+    let window = format!(
+        "mode {}, fault {} and L = {}",
+        removed.mode, removed.fault, removed.length
+    );
+    assert_names(&no_test, "gains.certificate", &window);
+    let no_fixed = refusal(&tables, &found, |gains| gains.modes[1].fixed = None);
+    assert_names(&no_fixed, "gains.mode", "L_fix");
+    let no_mode = refusal(&tables, &found, |gains| gains.modes.clear());
+    assert_names(&no_mode, "gains.mode", "L_fix");
+    let untested = Untested {
+        mode: removed.mode,
+        fault: removed.fault,
+        length: removed.length,
+        reason: WhyUntested::NotSeparable,
+    };
+    let both = refusal(&tables, &found, |gains| gains.untested = vec![untested]);
+    assert_names(&both, "gains.untested.0", "they have one");
+    // Given certificates must all be there; without any list no parity test runs, which is said.
+    let mut given = tables.clone();
+    given.parity.certificates = Some(found.gains.certificates.clone());
+    let not_given = refusal(&given, &find(&given), |gains| gains.certificates.clear());
+    assert_names(&not_given, "gains.certificate", "no certificate");
+    let without_solver = tables.find_gains(PERIOD_S).unwrap().gains;
+    let warnings = tables.with_gains(PERIOD_S, &without_solver).unwrap().warnings;
+    assert!(
+        warnings.iter().any(|text| text.contains("no parity test runs")),
+        "{warnings:?}"
+    );
+}
+
+#[test]
+fn windows_without_test_go_through_the_gains_and_are_said_again() {
+    // Two equal fault directions: neither fault can be told from the other.
+    let mut tables = aircraft_tables("[parity]\nlengths = [1]");
+    for row in &mut tables.model.b {
+        row[1] = row[0];
+    }
+    let found = find(&tables);
+    assert!(!found.gains.untested.is_empty() && !found.gains.certificates.is_empty());
+    let warnings = tables.with_gains(PERIOD_S, &found.gains).unwrap().warnings;
+    assert!(
+        warnings.iter().any(|text| text.contains("(not_separable)")),
+        "{warnings:?}"
+    );
+    let refused = refusal(&tables, &found, |gains| gains.untested.clear());
+    assert_names(&refused, "gains.certificate", "no certificate");
 }
 
 #[test]
