@@ -1,4 +1,5 @@
 //! Alarm transitions through the bounds table: numbers, gaps, lives of the daemon, sleeping consumers.
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 mod common;
 
