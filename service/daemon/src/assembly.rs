@@ -6,8 +6,9 @@ use residual_shared::clock::DaemonTime;
 
 use crate::configuration::{Configuration, DiagnoserConfiguration};
 use crate::runtime::companion::LogNames;
-use crate::runtime::engine::{DiagnoserUnit, Engine, InboxOptions};
+use crate::runtime::engine::{Engine, InboxOptions};
 use crate::runtime::schedule::Timing;
+use crate::runtime::unit::DiagnoserUnit;
 use residual_diagnosis::method::Designed;
 
 /// What each diagnoser says in its records, by slot.

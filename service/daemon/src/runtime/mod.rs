@@ -10,13 +10,18 @@
 //! | [`inbox`] | the door of one input: checks, counts, keeps |
 //! | [`assembler`] | samples of one sampling instant → step input |
 //! | [`schedule`] | sampling instants and who is next |
+//! | [`unit`] | one diagnoser at its instants |
 //! | [`engine`] | all of it without clock and thread, shared with `replay` |
+//! | [`checkpoint`] | the file that holds them |
+//! | [`snapshot`], [`warm_start`] | the engine's states as bytes, and a new life that goes on from them |
+//! | [`take_over`] | one engine goes on with what another one did |
 //! | [`live`] | the step thread: waits, receives, steps, publishes |
 //! | [`companion`] | everything slow: recorders, log, cleaning |
 //! | [`real_time`] | scheduling policy, processor, locked memory |
 //! | [`lock`] | one daemon per instance |
 
 pub mod assembler;
+pub mod checkpoint;
 pub mod companion;
 pub mod engine;
 pub mod inbox;
@@ -24,3 +29,7 @@ pub mod live;
 pub mod lock;
 pub mod real_time;
 pub mod schedule;
+pub mod snapshot;
+pub mod take_over;
+pub mod unit;
+pub mod warm_start;
