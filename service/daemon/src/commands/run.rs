@@ -15,6 +15,7 @@ use tracing::{info, warn};
 
 use crate::assembly::{assemble, descriptions, log_names, table_spec};
 use crate::configuration::Configuration;
+use crate::runtime::command::{self, CommandInbox};
 use crate::runtime::companion::{Companion, Message};
 use crate::runtime::live::{Publication, StepLoop};
 use crate::runtime::lock::{InstanceLock, LockError};
@@ -83,11 +84,13 @@ fn monitor(
     let node = transport::open_node(instance)?;
     let (sender, receiver) = rtrb::RingBuffer::new(configuration.daemon.record_queue);
     let names = log_names(configuration, &descriptions(&diagnosers));
+    // Nobody sends commands yet.
+    let (_sender, inbox) = command::channel();
     let companion = Companion::start(instance.clone(), names, receiver)?;
     // After the companion, which shall keep the usual scheduling, and before the epoch: locking memory takes
     // longer than a sampling period.
     real_time::apply(&configuration.realtime);
-    let step_loop = step_loop(configuration, diagnosers, speed, &node, sender, stop)?;
+    let step_loop = step_loop(configuration, diagnosers, speed, &node, sender, inbox, stop)?;
     info!(
         instance = %instance.name,
         table = %instance.bounds_path().display(),
@@ -103,13 +106,14 @@ fn monitor(
 /// The loop of the step thread with its subscribers and its bounds table, ready to run: the first sampling
 /// instant comes 20 ms from now.
 ///
-/// Records and changed counters go into `queue` as well; `stop` ends the loop.
+/// Records and changed counters go into `queue` as well; `commands` are obeyed; `stop` ends the loop.
 pub fn step_loop<'a>(
     configuration: &Configuration,
     diagnosers: Vec<Designed>,
     speed: f64,
     node: &Node,
     queue: Producer<Message>,
+    commands: CommandInbox,
     stop: &'a AtomicBool,
 ) -> Result<StepLoop<'a>, RunError> {
     let instance = configuration.daemon.instance();
@@ -149,6 +153,7 @@ pub fn step_loop<'a>(
         engine,
         subscribers,
         publication,
+        commands,
         time,
         stop,
     })

@@ -122,6 +122,18 @@ impl Engine {
         self.agenda.refill(self.epoch_ns, steps);
     }
 
+    /// Returns the diagnoser in `slot` to the state right after its construction; its next record has the flag
+    /// RESET, and its time begins anew with the next sample. False: there is no such slot.
+    pub fn reset(&mut self, slot: usize) -> bool {
+        self.units.get_mut(slot).map(Unit::reset).is_some()
+    }
+
+    /// Acknowledges the alarm of the diagnoser in `slot`; whether there was one. `None`: there is no such slot.
+    pub fn acknowledge(&mut self, slot: usize) -> Option<bool> {
+        // No alarm outlasts its violation, so none ever waits for an acknowledgement.
+        self.units.get(slot).map(|_| false)
+    }
+
     /// The door counters of each input.
     pub fn input_counters(&self) -> impl Iterator<Item = &InputCounters> {
         self.inboxes.iter().map(Inbox::counters)

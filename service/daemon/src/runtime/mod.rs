@@ -15,13 +15,15 @@
 //! | [`checkpoint`] | the file that holds them |
 //! | [`snapshot`], [`warm_start`] | the engine's states as bytes, and a new life that goes on from them |
 //! | [`take_over`] | one engine goes on with what another one did |
-//! | [`live`] | the step thread: waits, receives, steps, publishes |
+//! | [`live`] | the step thread: waits, obeys commands, receives, steps, publishes |
+//! | [`command`] | commands to the step thread, and their replies |
 //! | [`companion`] | everything slow: recorders, log, cleaning |
 //! | [`real_time`] | scheduling policy, processor, locked memory |
 //! | [`lock`] | one daemon per instance |
 
 pub mod assembler;
 pub mod checkpoint;
+pub mod command;
 pub mod companion;
 pub mod engine;
 pub mod inbox;

@@ -25,6 +25,8 @@ pub struct UnitState<A> {
     pub next_step: u64,
     /// Whether its time has begun.
     pub begun: bool,
+    /// Whether it was reset since its last record.
+    pub reset: bool,
     /// Its schedule counters.
     pub counters: [u64; ScheduleCounters::COUNT],
     /// What its assembler keeps.
@@ -126,6 +128,7 @@ impl Unit {
         UnitState {
             next_step: self.next_step,
             begun: self.begun,
+            reset: self.reset,
             counters: self.counters.to_words(),
             assembler: self.assembler.state(),
         }

@@ -44,6 +44,8 @@ pub(super) struct Unit {
     /// Whether a sample of any input has come: only then the diagnoser's own time begins, wherever its model
     /// starts from. So a replay and a daemon that waited for its sensors say the same.
     pub(super) begun: bool,
+    /// Whether the diagnoser was reset from outside since its last record.
+    pub(super) reset: bool,
     pub(super) next_step: u64,
     pub(super) record: StepRecord,
     pub(super) counters: ScheduleCounters,
@@ -65,11 +67,20 @@ impl Unit {
             diagnoser: unit.diagnoser,
             timing: unit.timing,
             begun: false,
+            reset: false,
             next_step: 0,
             record: StepRecord::new(channel_count),
             counters: ScheduleCounters::default(),
             skipped: 0,
         }
+    }
+
+    /// Returns to the state right after construction, but for the instants; the next record says so.
+    pub(super) fn reset(&mut self) {
+        self.diagnoser.reset();
+        self.record = StepRecord::new(self.diagnoser.description().channels.len());
+        self.begun = false;
+        self.reset = true;
     }
 
     /// Gives up the oldest instants of a backlog that is longer than the limit, and counts them.
@@ -109,6 +120,7 @@ impl Unit {
             (overrun, flags::OVERRUN),
             (gathered.missing, flags::INPUT_MISSING),
             (gathered.late, flags::LATE_SAMPLE),
+            (std::mem::take(&mut self.reset), flags::RESET),
         ]
         .iter()
         .filter_map(|&(set, flag)| set.then_some(flag))

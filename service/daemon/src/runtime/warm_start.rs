@@ -81,6 +81,7 @@ impl Engine {
             return Err(error.into());
         }
         unit.begun = state.begun;
+        unit.reset = state.reset;
         unit.next_step = state.next_step;
         unit.counters = ScheduleCounters::from_words(state.counters);
         unit.skip(gap);
