@@ -55,6 +55,7 @@ pub(in crate::configuration) fn daemon(
             );
         }
     }
+    let checkpoint_period_ns = checkpoint_period(&section, mistakes);
     let group = section.group.and_then(|group| group_id(group, mistakes));
     let mode = permission_bits(&section.mode, mistakes);
     if section.stale_after_periods == 0 {
@@ -85,7 +86,6 @@ pub(in crate::configuration) fn daemon(
             ),
         );
     }
-    let checkpoint_period_ns = checkpoint_period(&section, mistakes);
     if let Err(error) = EnvFilter::try_new(&section.log) {
         mistakes.at(
             "daemon.log",
