@@ -1,9 +1,6 @@
 //! A table of mistakes: what is changed in the good example, where the refusal points, what it says and advises.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-mod common;
-
-use common::{VTOL, line_of, mistakes_of, vtol_with};
+use crate::common::{VTOL, line_of, mistakes_of, vtol_with};
 
 /// One mistake in the example.
 struct Case {
