@@ -37,16 +37,25 @@
 //! # }
 //! ```
 
+mod alarm_event;
+mod alarms;
+mod latest_table;
 mod monitor;
 mod reading;
 
-pub use monitor::{DaemonState, Followed, Monitor, MonitorError, RETRY_PERIOD_NS};
+pub use alarm_event::{Alarm, AlarmEvent};
+pub use alarms::{AlarmListener, AlarmStart};
+pub use latest_table::{DaemonState, RETRY_PERIOD_NS};
+pub use monitor::{Followed, Monitor, MonitorError};
 pub use reading::{Freshness, Reading};
+pub use residual_shared::alarm::{
+    AlarmNumber, AlarmNumberError, AlarmState, AlarmTransition, NONE, alarm_flags,
+};
 pub use residual_shared::bounds_table::{
     ChannelSpec, Directory, InputSpec, Liveness, OpenError, ReadError, SlotSpec, TableReader, TableSpec,
 };
 pub use residual_shared::clock::{DaemonTime, monotonic_ns};
-pub use residual_shared::counters::{InputCounters, ScheduleCounters};
+pub use residual_shared::counters::{AlarmStatus, InputCounters, ScheduleCounters};
 pub use residual_shared::names::{
     DEFAULT_RUNTIME_DIRECTORY, Instance, InstanceName, InstanceNameError, RUNTIME_DIRECTORY_VARIABLE,
 };
