@@ -17,7 +17,7 @@
 //! | [`take_over`] | one engine goes on with what another one did |
 //! | [`live`] | the step thread: waits, obeys commands, receives, steps, publishes |
 //! | [`command`] | commands to the step thread, and their replies |
-//! | [`companion`] | everything slow: recorders, log, cleaning |
+//! | [`companion`] | everything slow: recorders, log, control requests, cleaning |
 //! | [`real_time`] | scheduling policy, processor, locked memory |
 //! | [`lock`] | one daemon per instance |
 
