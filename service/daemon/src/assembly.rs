@@ -5,7 +5,7 @@ use residual_shared::bounds_table::{ChannelSpec, InputSpec, SlotSpec, TableSpec}
 use residual_shared::clock::DaemonTime;
 
 use crate::configuration::{Configuration, DiagnoserConfiguration};
-use crate::runtime::companion::LogNames;
+use crate::runtime::companion::{Identity, Introduction, LogNames};
 use crate::runtime::engine::{Engine, InboxOptions};
 use crate::runtime::schedule::Timing;
 use crate::runtime::unit::DiagnoserUnit;
@@ -107,8 +107,19 @@ pub fn table_spec(
     }
 }
 
+/// What the companion has to know.
+pub fn introduction(configuration: &Configuration, diagnosers: &[Designed]) -> Introduction {
+    Introduction {
+        names: log_names(configuration, &descriptions(diagnosers)),
+        identity: Identity {
+            program: env!("CARGO_PKG_VERSION").into(),
+            diagnosers: crate::commands::descriptions::descriptions(configuration, diagnosers),
+        },
+    }
+}
+
 /// Names for the log.
-pub fn log_names(configuration: &Configuration, descriptions: &[Description]) -> LogNames {
+fn log_names(configuration: &Configuration, descriptions: &[Description]) -> LogNames {
     LogNames {
         diagnosers: configuration
             .diagnosers

@@ -106,18 +106,18 @@ pub enum CheckpointError {
 }
 
 impl Checkpoint {
-    /// Writes the file, whole or not at all, readable by its owner only.
+    /// Writes the file, whole or not at all, readable by its owner only; gives its length, bytes.
     ///
     /// # Errors
     /// [`CheckpointError::Unwritable`]; an older checkpoint stays then.
-    pub fn write(&self, path: &Path) -> Result<(), CheckpointError> {
+    pub fn write(&self, path: &Path) -> Result<u64, CheckpointError> {
         self.replace(path).map_err(|source| CheckpointError::Unwritable {
             path: path.into(),
             source,
         })
     }
 
-    fn replace(&self, path: &Path) -> io::Result<()> {
+    fn replace(&self, path: &Path) -> io::Result<u64> {
         let mut bytes = [MAGIC, VERSION.to_le_bytes()].concat();
         bincode::serde::encode_into_std_write(self, &mut bytes, encoding()).map_err(io::Error::other)?;
         bytes.extend(xxh3_64(&bytes).to_le_bytes());
@@ -130,7 +130,8 @@ impl Checkpoint {
         file.as_file().sync_all()?;
         file.persist(path)?;
         // The new name is on the disk only when its directory is.
-        File::open(directory)?.sync_all()
+        File::open(directory)?.sync_all()?;
+        Ok(bytes.len() as u64)
     }
 
     /// Reads a file; `None` if there is none.

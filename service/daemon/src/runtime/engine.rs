@@ -134,6 +134,14 @@ impl Engine {
         self.units.get(slot).map(|_| false)
     }
 
+    /// The latest record of each diagnoser that has done a step, with its slot.
+    pub fn latest_records(&self) -> impl Iterator<Item = (usize, &StepRecord)> {
+        let units = self.units.iter().enumerate();
+        units
+            .filter(|(_, unit)| unit.counters.steps > 0)
+            .map(|(slot, unit)| (slot, &unit.record))
+    }
+
     /// The door counters of each input.
     pub fn input_counters(&self) -> impl Iterator<Item = &InputCounters> {
         self.inboxes.iter().map(Inbox::counters)

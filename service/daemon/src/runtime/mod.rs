@@ -17,6 +17,9 @@
 //! | [`take_over`] | one engine goes on with what another one did |
 //! | [`live`] | the step thread: waits, obeys commands, receives, steps, publishes |
 //! | [`command`] | commands to the step thread, and their replies |
+//! | [`exchange`] | the step thread goes on with another configuration |
+//! | [`upkeep`], [`reload`] | the long tasks: checkpoint, reload |
+//! | [`running`], [`life`] | the configuration in force; where a life of the daemon begins |
 //! | [`companion`] | everything slow: recorders, log, control requests, cleaning |
 //! | [`real_time`] | scheduling policy, processor, locked memory |
 //! | [`lock`] | one daemon per instance |
@@ -26,12 +29,17 @@ pub mod checkpoint;
 pub mod command;
 pub mod companion;
 pub mod engine;
+pub mod exchange;
 pub mod inbox;
+pub mod life;
 pub mod live;
 pub mod lock;
 pub mod real_time;
+pub mod reload;
+pub mod running;
 pub mod schedule;
 pub mod snapshot;
 pub mod take_over;
 pub mod unit;
+pub mod upkeep;
 pub mod warm_start;

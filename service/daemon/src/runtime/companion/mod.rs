@@ -33,7 +33,7 @@ mod task;
 
 pub use control::{Control, Identity};
 pub use log::{LogNames, fault_names};
-pub use task::{StepThread, Task, Work};
+pub use task::{Due, StepThread, Task, Work};
 
 /// How long the thread sleeps when its queue is empty: recorders see a record, and requests are seen, at most this
 /// much later.
@@ -43,7 +43,6 @@ const IDLE: Duration = Duration::from_millis(5);
 const CLEANING_PERIOD: Duration = Duration::from_secs(5);
 
 /// What the step thread sends over.
-#[derive(Clone, Copy)]
 #[expect(
     clippy::large_enum_variant,
     reason = "a record is copied once into the queue, never moved on"
@@ -53,6 +52,17 @@ pub enum Message {
     Record(usize, StepRecord),
     /// New counters of one input or one diagnoser.
     Counters(CounterReport),
+    /// What follows is of another configuration.
+    Reloaded(Box<Introduction>),
+}
+
+/// What the companion has to know of a configuration.
+#[derive(Clone, Debug)]
+pub struct Introduction {
+    /// Names for the log.
+    pub names: LogNames,
+    /// What the daemon says of itself.
+    pub identity: Identity,
 }
 
 /// The running companion thread; dropping it lets the thread work off its queue and ends it.
@@ -68,7 +78,7 @@ impl Companion {
     /// See [`TransportError`].
     pub fn start(
         instance: Instance,
-        names: LogNames,
+        introduction: Introduction,
         queue: Consumer<Message>,
         control: Control,
     ) -> Result<Self, TransportError> {
@@ -77,7 +87,7 @@ impl Companion {
         let asked_to_stop = Arc::clone(&stop);
         let thread = thread::spawn(move || {
             // iceoryx2's ports belong to one thread, so they are made here.
-            match Worker::new(&instance, names, queue, control) {
+            match Worker::new(&instance, introduction, queue, control) {
                 Ok(worker) => {
                     let _ = ready.send(Ok(()));
                     worker.run(&asked_to_stop)
@@ -136,16 +146,18 @@ struct Worker {
 impl Worker {
     fn new(
         instance: &Instance,
-        names: LogNames,
+        introduction: Introduction,
         queue: Consumer<Message>,
         control: Control,
     ) -> Result<Self, TransportError> {
         let node = transport::open_node(instance)?;
+        let Introduction { names, identity } = introduction;
+        let server = ControlServer::create(&node, instance)?;
         Ok(Self {
             queue,
             records: RecordRelay::new(RecordPublisher::create(&node, instance)?),
             log: ChangeLog::new(names),
-            control: ControlDesk::new(ControlServer::create(&node, instance)?, instance.clone(), control),
+            control: ControlDesk::new(server, instance.clone(), identity, control),
             node,
         })
     }
@@ -161,6 +173,10 @@ impl Worker {
                         self.log.record(slot, &record);
                     }
                     Message::Counters(report) => self.log.counters(&report),
+                    Message::Reloaded(introduction) => {
+                        self.log = ChangeLog::new(introduction.names);
+                        self.control.identity = introduction.identity;
+                    }
                 }
             }
             self.control.serve();
