@@ -1,6 +1,7 @@
 //! `residual`: what the diagnosers of a residuald daemon say, on the command line.
 
 mod arguments;
+mod ctl;
 mod error;
 mod instances;
 mod number;
@@ -35,6 +36,7 @@ fn run(arguments: &Arguments) -> Result<u8, Error> {
     };
     match &arguments.command {
         Command::Status { instance, json } => status::run(&mut open(instance)?, *json),
+        Command::Ctl(control) => ctl::run(control, &arguments.runtime_directory),
         Command::Watch { instance, options } => watch::run(&mut open(instance)?, options),
     }
 }
