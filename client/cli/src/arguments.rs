@@ -3,8 +3,10 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
-use crate::ctl::ControlArguments;
 use residual_client::{DEFAULT_RUNTIME_DIRECTORY, InstanceName, RUNTIME_DIRECTORY_VARIABLE};
+
+use crate::alarms::AlarmOptions;
+use crate::ctl::ControlArguments;
 
 /// What the program's end tells.
 pub const EXIT_CODES: &str = "\
@@ -12,7 +14,7 @@ Exit codes:
   0  all is well; `status`: every diagnoser has judged its latest instant and none reports a fault
   1  an error, such as a table that may not be read; `ctl`: the daemon refused
   2  wrong usage
-  3  there is no living daemon (the last state it left is shown all the same)
+  3  there is no living daemon (the last state and the alarms it left are shown all the same)
   4  `status`: a diagnoser reports a fault
   5  `status`: no fault is reported, but a diagnoser does not judge: stale, starting, not evaluated, or
      guarantee lost
@@ -61,6 +63,9 @@ pub enum Command {
         #[command(flatten)]
         options: WatchOptions,
     },
+    /// Shows the alarm transitions, each once and in order; what is lost is shown as a gap.
+    #[command(after_help = EXIT_CODES)]
+    Alarms(AlarmOptions),
 }
 
 /// What to watch, and how long.

@@ -62,7 +62,11 @@ impl Error {
             Self::Request(RequestError::NoDaemon { .. } | RequestError::DaemonEnded) => NO_DAEMON,
             Self::Request(RequestError::TimedOut { .. }) => TIMED_OUT,
             Self::SeveralInstances(_) | Self::NoSuchDiagnoser { .. } => USAGE,
-            Self::RuntimeDirectory { .. } | Self::Open(_) | Self::Read(_) | Self::Request(_) | Self::Output(_) => FAILURE,
+            Self::RuntimeDirectory { .. }
+            | Self::Open(_)
+            | Self::Read(_)
+            | Self::Request(_)
+            | Self::Output(_) => FAILURE,
         }
     }
 }
