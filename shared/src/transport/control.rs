@@ -183,6 +183,9 @@ pub enum RequestError {
     /// The answer cannot be read.
     #[error("the daemon's answer is of no use: {0}")]
     Answer(#[from] DecodeError),
+    /// The answer is to something else.
+    #[error("the daemon answered something else; use a client of the daemon's release")]
+    OtherAnswer,
     /// iceoryx2 refused.
     #[error(transparent)]
     Transport(#[from] TransportError),

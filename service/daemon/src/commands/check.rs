@@ -5,7 +5,6 @@ use super::descriptions::signals;
 use super::lines::Lines;
 use crate::configuration::{
     Configuration, DaemonSection, DiagnoserConfiguration, InputConfiguration, RealtimeSection,
-    SignalReference,
 };
 use miette::IntoDiagnostic;
 use nix::sys::statfs::{TMPFS_MAGIC, statfs};

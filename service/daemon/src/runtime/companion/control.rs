@@ -142,7 +142,7 @@ impl ControlDesk {
 
     fn take(&mut self, request: Request, asker: Asker) {
         let (name, outcome) = match request {
-            Request::List { first } => ("list", Ok(Outcome::Answer(Response::List(self.list(first))))),
+            Request::List { first } => ("list", Ok(Outcome::answer(Response::List(self.list(first))))),
             Request::Describe { diagnoser } => ("describe", self.describe(&diagnoser)),
             Request::Reset { which } => ("reset", self.reset(which)),
             Request::Acknowledge { alarms } => ("acknowledge", self.acknowledge(alarms)),
@@ -151,7 +151,7 @@ impl ControlDesk {
             Request::SetLogLevel { filter } => ("set-log-level", self.set_log_level(&filter)),
         };
         match outcome {
-            Ok(Outcome::Answer(response)) => self.answer(asker, &Ok(response), name),
+            Ok(Outcome::Answer(response)) => self.answer(asker, &Ok(*response), name),
             Err(error) => self.answer(asker, &Err(error), name),
             Ok(Outcome::Commands(commands, answer)) => self.send(asker, commands, answer),
         }
@@ -198,7 +198,7 @@ impl ControlDesk {
                 value,
             })
             .collect();
-        Ok(Outcome::Answer(Response::Description(description)))
+        Ok(Outcome::answer(Response::Description(description)))
     }
 
     fn reset(&self, which: Which) -> Result<Outcome, ControlError> {
@@ -233,7 +233,7 @@ impl ControlDesk {
                 reason: error.to_string(),
             })?;
         let now = self.control.log.current();
-        Ok(Outcome::Answer(Response::LogLevel { before, now }))
+        Ok(Outcome::answer(Response::LogLevel { before, now }))
     }
 
     fn slot_of(&self, name: &str) -> Result<usize, ControlError> {
@@ -381,9 +381,15 @@ fn report(answer: &Answer, request: &str) {
 /// How a request goes on.
 enum Outcome {
     /// It is done.
-    Answer(Response),
+    Answer(Box<Response>),
     /// The step thread has to do these; the answer is made from the number of those that did something.
     Commands(Vec<Command>, fn(u32) -> Response),
+}
+
+impl Outcome {
+    fn answer(response: Response) -> Self {
+        Self::Answer(Box::new(response))
+    }
 }
 
 fn one(slot: usize) -> std::ops::Range<usize> {
