@@ -41,6 +41,8 @@ pub fn assemble(
         .iter()
         .zip(diagnosers)
         .map(|(configured, built)| DiagnoserUnit {
+            rules: configured.lifecycle.rules,
+            enabling: configured.enabling(built.diagnoser.description()),
             diagnoser: built.diagnoser,
             timing: timing(configured, speed),
             measurements: configured.measurements.clone(),
@@ -107,13 +109,12 @@ pub fn table_spec(
 }
 
 /// Names for the log.
-pub fn log_names(configuration: &Configuration, descriptions: &[Description]) -> LogNames {
+pub fn log_names(configuration: &Configuration) -> LogNames {
     LogNames {
         diagnosers: configuration
             .diagnosers
             .iter()
-            .zip(descriptions)
-            .map(|(configured, description)| (configured.name.clone(), description.faults.clone()))
+            .map(|configured| configured.name.clone())
             .collect(),
         inputs: configuration
             .inputs

@@ -17,6 +17,7 @@ pub mod cli;
 pub mod commands;
 pub mod configuration;
 pub mod demo;
+pub mod lifecycle;
 pub mod logging;
 pub mod plot;
 pub mod replay;

@@ -8,6 +8,8 @@ use std::cell::Cell;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
+use residual_shared::alarm::{AlarmState, AlarmTransition};
+use residual_shared::bounds_table::AlarmRead;
 use residual_shared::clock::{DaemonTime, sleep_until_monotonic};
 use residual_shared::record::{StepRecord, flags};
 use residual_shared::sample::SampleHeader;
@@ -23,6 +25,7 @@ use residuald::runtime::companion::Message;
 use residuald::runtime::engine::RecordSink;
 use support::publisher::Drivers;
 use support::{PERIOD_NS, Stage};
+use toml::Table;
 
 thread_local! {
     static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
@@ -71,6 +74,9 @@ const TURNS: u64 = 2_400;
 const WARM_UP: u64 = 20;
 /// Measurements after which the aircraft begins anew, healthy: a jump, an episode of alarms, its end.
 const COURSE: u64 = 240;
+/// Turns of every second course at which the alarm is acknowledged and the diagnoser is reset: during its fault.
+const ACKNOWLEDGED: u64 = 180;
+const RESET: u64 = 200;
 /// So that the test takes seconds, the daemon's time runs faster.
 const SPEED: f64 = 8.0;
 
@@ -150,6 +156,11 @@ fn send(drivers: &mut Drivers, aircraft: &mut Aircraft, k: u64, stamp_ns: u64) {
 fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_and_resets_allocate_nothing() {
     let mut stage = Stage::new();
     stage.set_diagnoser("margin_s", 0.0);
+    let lifecycle: Table = "raise_steps = 2\nraise_window = 4\nlatch = true\nstartup_suppression_s = 0.1\n\
+        enable = [{signal = 'aircraft_commands.collective_pitch', range = [-1, 1]}]"
+        .parse()
+        .unwrap();
+    stage.set_diagnoser("lifecycle", lifecycle);
     let loaded = Configuration::from_text("test", &stage.configuration.to_string()).unwrap();
     let diagnosers = loaded.build_diagnosers().unwrap();
     let node = transport::open_node(&stage.instance).unwrap();
@@ -170,7 +181,15 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_and_resets_alloca
         let instant_ns = spec.schedule_epoch_ns + k * PERIOD_NS;
         sleep_until_monotonic(time.to_monotonic(instant_ns));
         send(&mut drivers, &mut aircraft, k, instant_ns);
-        let of_this_turn = allocations(|| steps.turn());
+        let of_this_turn = allocations(|| {
+            steps.turn();
+            let (engine, publication) = (&mut steps.engine, &mut steps.publication);
+            match k % (2 * COURSE) {
+                ACKNOWLEDGED => drop(engine.acknowledge(0, publication)),
+                RESET => drop(engine.reset(0, publication)),
+                _ => {}
+            }
+        });
         if k >= WARM_UP {
             counted += of_this_turn;
         }
@@ -192,6 +211,22 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_and_resets_alloca
         seen.missing > 100 && seen.late > 10 && seen.isolated > 100,
         "{seen:?}"
     );
+    let table = stage.table();
+    let states: Vec<AlarmState> = (1..=table.newest_alarm())
+        .filter_map(|number| match table.read_alarm(number) {
+            AlarmRead::Transition(transition) => Some(transition.state),
+            _ => None,
+        })
+        .collect();
+    for state in [
+        AlarmState::Cleared,
+        AlarmState::Pending,
+        AlarmState::Raised,
+        AlarmState::Isolated,
+    ] {
+        let count = states.iter().filter(|seen| **seen == state).count();
+        assert!(count >= 3, "{state:?}: {states:?}");
+    }
     let sensors = stage.input_counters(0);
     for (name, value) in [
         ("non_finite", sensors.non_finite),
@@ -205,13 +240,17 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_and_resets_alloca
     }
 }
 
-/// Counts alarms by slot.
-struct Alarms(Vec<u64>);
+/// Counts alarms and their transitions by slot.
+struct Alarms(Vec<u64>, Vec<u64>);
 
 impl RecordSink for Alarms {
     fn publish(&mut self, slot: usize, record: &StepRecord) -> bool {
         self.0[slot] += u64::from(record.flags & flags::ALARM_NOW != 0);
         true
+    }
+
+    fn alarm(&mut self, transition: &AlarmTransition) {
+        self.1[transition.slot as usize] += 1;
     }
 }
 
@@ -233,7 +272,8 @@ fn all_methods_together_step_through_losses_bad_samples_and_faults_without_alloc
         .flat_map(|scenario| (scenario.plants)(&variation));
     let emissions: Vec<_> = Merged::new(plants.collect()).collect();
     let mut engine = assemble(configuration, diagnosers, EPOCH_NS, 1.0);
-    let mut alarms = Alarms(vec![0; configuration.diagnosers.len()]);
+    let count = configuration.diagnosers.len();
+    let mut alarms = Alarms(vec![0; count], vec![0; count]);
     let mut sequences = vec![0; configuration.inputs.len()];
     let mut counted = 0;
     for (number, emission) in emissions.iter().enumerate() {
@@ -271,6 +311,11 @@ fn all_methods_together_step_through_losses_bad_samples_and_faults_without_alloc
     println!("{} samples, alarms {:?}", emissions.len(), alarms.0);
     assert_eq!(counted, 0);
     assert!(alarms.0.iter().all(|alarms| *alarms > 5), "{:?}", alarms.0);
+    assert!(
+        alarms.1.iter().all(|transitions| *transitions > 0),
+        "{:?}",
+        alarms.1
+    );
     let rejected: u64 = engine
         .input_counters()
         .map(|counters| counters.non_finite + counters.backward)

@@ -4,7 +4,7 @@ use std::io;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use residual_shared::bounds_table::{Access, CreateError, TableWriter};
+use residual_shared::bounds_table::{Access, CreateError, PreparedTable};
 use residual_shared::clock::{DaemonTime, monotonic_ns};
 use residual_shared::names::Instance;
 use residual_shared::transport::{self, Node, SampleSubscriber, TransportError};
@@ -19,6 +19,7 @@ use crate::runtime::companion::{Companion, Message};
 use crate::runtime::live::{Publication, StepLoop};
 use crate::runtime::lock::{InstanceLock, LockError};
 use crate::runtime::real_time;
+use crate::runtime::resume::resume_alarms;
 use crate::summary::Summary;
 use residual_diagnosis::method::Designed;
 
@@ -82,8 +83,7 @@ fn monitor(
     }
     let node = transport::open_node(instance)?;
     let (sender, receiver) = rtrb::RingBuffer::new(configuration.daemon.record_queue);
-    let names = log_names(configuration, &descriptions(&diagnosers));
-    let companion = Companion::start(instance.clone(), names, receiver)?;
+    let companion = Companion::start(instance.clone(), log_names(configuration), receiver)?;
     // After the companion, which shall keep the usual scheduling, and before the epoch: locking memory takes
     // longer than a sampling period.
     real_time::apply(&configuration.realtime);
@@ -133,12 +133,16 @@ pub fn step_loop<'a>(
     };
     let epoch_ns = time.from_monotonic(time.origin_ns + HEAD_START_NS);
     let spec = table_spec(configuration, &descriptions(&diagnosers), time, epoch_ns);
-    let engine = assemble(configuration, diagnosers, epoch_ns, speed);
+    let mut engine = assemble(configuration, diagnosers, epoch_ns, speed);
     let access = Access {
         group: configuration.daemon.group,
         mode: configuration.daemon.mode,
     };
-    let table = TableWriter::create(&instance.bounds_path(), &spec, &access)?;
+    let path = instance.bounds_path();
+    let prepared = PreparedTable::create(&path, &spec, &access)?;
+    let alarms = prepared.alarm_status();
+    let table = prepared.publish()?;
+    resume_alarms(&mut engine, &path, &alarms);
     let publication = Publication::new(
         table,
         queue,

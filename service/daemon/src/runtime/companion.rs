@@ -1,7 +1,8 @@
 //! The companion thread: everything slow that the step thread must not do.
 //!
-//! It takes the step records from a lock-free queue, sends them to recorders, writes changes of verdict and of
-//! the counters to the log, and clears away dead iceoryx2 nodes.
+//! It takes the step records from a lock-free queue, sends them to recorders, writes alarms and changes of the
+//! counters to the log, tells alarms to listeners of iceoryx2, and clears away dead iceoryx2 nodes. An alarm wakes
+//! it at once.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,14 +11,15 @@ use std::time::{Duration, Instant};
 
 use residual_shared::counters::{InputCounters, ScheduleCounters};
 use residual_shared::names::Instance;
-use residual_shared::record::{StepRecord, Verdict};
-use residual_shared::transport::{self, RecordPublisher, TransportError};
+use residual_shared::record::StepRecord;
+use residual_shared::transport::{self, AlarmNotifier, RecordPublisher, TransportError};
 use rtrb::Consumer;
-use tracing::{info, warn};
+use tracing::warn;
 
+use super::alarm_watch::AlarmWatch;
 use super::live::CounterReport;
 
-/// How long the thread sleeps when its queue is empty: recorders see a record at most this much later.
+/// How long the thread sleeps without an alarm: recorders see a record at most this much later.
 const IDLE: Duration = Duration::from_millis(5);
 
 /// How often dead nodes are cleared: a scan costs about a millisecond.
@@ -26,8 +28,8 @@ const CLEANING_PERIOD: Duration = Duration::from_secs(5);
 /// Names for the log.
 #[derive(Clone, Debug)]
 pub struct LogNames {
-    /// Diagnosers by slot, each with its fault names.
-    pub diagnosers: Vec<(String, Vec<String>)>,
+    /// Diagnosers by slot.
+    pub diagnosers: Vec<String>,
     /// Inputs in order.
     pub inputs: Vec<String>,
 }
@@ -63,12 +65,10 @@ impl Companion {
         let asked_to_stop = Arc::clone(&stop);
         let thread = thread::spawn(move || {
             // iceoryx2's ports belong to one thread, so they are made here.
-            let services = transport::open_node(&instance)
-                .and_then(|node| RecordPublisher::create(&node, &instance).map(|records| (node, records)));
-            match services {
-                Ok((node, records)) => {
+            match Worker::new(&instance, names, queue) {
+                Ok(worker) => {
                     let _ = ready.send(Ok(()));
-                    Worker::new(node, records, names, queue).run(&asked_to_stop);
+                    worker.run(&asked_to_stop);
                 }
                 Err(error) => {
                     let _ = ready.send(Err(error));
@@ -103,32 +103,29 @@ struct Worker {
     records: RecordPublisher,
     names: LogNames,
     queue: Consumer<Message>,
-    last_verdicts: Vec<Option<(Verdict, u64)>>,
+    alarms: AlarmWatch,
     undelivered: u64,
 }
 
 impl Worker {
-    fn new(
-        node: transport::Node,
-        records: RecordPublisher,
-        names: LogNames,
-        queue: Consumer<Message>,
-    ) -> Self {
-        let last_verdicts = vec![None; names.diagnosers.len()];
-        Self {
+    fn new(instance: &Instance, names: LogNames, queue: Consumer<Message>) -> Result<Self, TransportError> {
+        let node = transport::open_node(instance)?;
+        let notifier = AlarmNotifier::create(&node, instance)?;
+        Ok(Self {
+            records: RecordPublisher::create(&node, instance)?,
+            alarms: AlarmWatch::new(instance.clone(), notifier),
             node,
-            records,
             names,
             queue,
-            last_verdicts,
             undelivered: 0,
-        }
+        })
     }
 
     fn run(mut self, stop: &AtomicBool) {
         let mut cleaned = Instant::now();
         loop {
             let stopping = stop.load(Ordering::Acquire);
+            self.alarms.look();
             while let Ok(message) = self.queue.pop() {
                 match message {
                     Message::Record(slot, record) => self.record(slot, &record),
@@ -142,7 +139,7 @@ impl Worker {
                 self.node.try_cleanup_dead_nodes();
                 cleaned = Instant::now();
             }
-            thread::sleep(IDLE);
+            self.alarms.wait(IDLE);
         }
         if self.undelivered > 0 {
             warn!(
@@ -159,24 +156,6 @@ impl Worker {
             }
             self.undelivered += 1;
         }
-        let now = (record.verdict(), record.certainly_faulty);
-        let (Some(last), Some((name, faults))) =
-            (self.last_verdicts.get_mut(slot), self.names.diagnosers.get(slot))
-        else {
-            return;
-        };
-        if last.replace(now) == Some(now) {
-            return;
-        }
-        let faulty: Vec<&str> = fault_names(faults, record.certainly_faulty).collect();
-        let (step, verdict) = (record.step, now.0.name());
-        match now.0 {
-            Verdict::Fault | Verdict::Isolated | Verdict::GuaranteeLost => {
-                let possibly: Vec<&str> = fault_names(faults, record.possibly_faulty).collect();
-                warn!(diagnoser = name, step, verdict, ?faulty, ?possibly);
-            }
-            _ => info!(diagnoser = name, step, verdict),
-        }
     }
 
     fn counters(&self, report: &CounterReport) {
@@ -191,11 +170,7 @@ impl Worker {
                 }
             }
             CounterReport::Schedule { slot, before, now } => {
-                let name = self
-                    .names
-                    .diagnosers
-                    .get(*slot)
-                    .map_or("?", |(name, _)| name.as_str());
+                let name = self.names.diagnosers.get(*slot).map_or("?", String::as_str);
                 for (counter, from, to) in
                     changes(ScheduleCounters::NAMES, &before.to_words(), &now.to_words())
                 {

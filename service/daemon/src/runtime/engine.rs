@@ -1,11 +1,13 @@
 //! Inboxes, schedule and diagnosers together: the part that a live daemon and a replay share to the last bit.
 //!
 //! The engine has no clock and no thread. Its owner hands it samples ([`Engine::accept`]) and the time
-//! ([`Engine::step_due`]); it steps what is due and hands every record to a [`RecordSink`]. After construction
+//! ([`Engine::step_due`]); it steps what is due and hands every record and every transition of an alarm to a
+//! [`RecordSink`]. After construction
 //! nothing here allocates.
 
 use hdrhistogram::Histogram;
 use residual_diagnosis::diagnoser::{Diagnoser, flags};
+use residual_shared::alarm::AlarmTransition;
 use residual_shared::counters::{InputCounters, ScheduleCounters};
 use residual_shared::record::StepRecord;
 use residual_shared::sample::SampleHeader;
@@ -14,14 +16,18 @@ use super::assembler::Assembler;
 use super::inbox::Inbox;
 use super::schedule::{Agenda, Timing};
 use crate::configuration::SignalReference;
+use crate::lifecycle::{Changes, Enabling, Lifecycle, LifecycleState, Rules, transition};
 
 /// Longest step that the step-time histogram tells apart: one second.
 const LONGEST_STEP_NS: u64 = 1_000_000_000;
 
-/// Takes the records as they come into being.
+/// Takes records and alarm transitions as they come into being.
 pub trait RecordSink {
     /// Takes the record of the diagnoser in `slot`; false when a recorder's copy had to be dropped.
     fn publish(&mut self, slot: usize, record: &StepRecord) -> bool;
+
+    /// Takes a transition of the alarm of the diagnoser in `transition.slot`, after the record that caused it.
+    fn alarm(&mut self, transition: &AlarmTransition);
 }
 
 /// A diagnoser with its timing and its signals.
@@ -36,6 +42,10 @@ pub struct DiagnoserUnit {
     pub commands: Vec<SignalReference>,
     /// How many instants after its reception a command acts.
     pub command_delay_steps: usize,
+    /// When its alarm is raised and cleared.
+    pub rules: Rules,
+    /// Which of its channels count.
+    pub enabling: Enabling,
 }
 
 impl DiagnoserUnit {
@@ -70,7 +80,11 @@ struct Unit {
     /// starts from. So a replay and a daemon that waited for its sensors say the same.
     begun: bool,
     next_step: u64,
+    /// Whether the diagnoser was reset since its last step.
+    was_reset: bool,
     record: StepRecord,
+    lifecycle: Lifecycle,
+    enabling: Enabling,
     counters: ScheduleCounters,
 }
 
@@ -142,15 +156,49 @@ impl Engine {
             unit.skip_what_cannot_be_caught_up(self.epoch_ns, self.catch_up_limit, now_ns);
             let begin_ns = clock_ns();
             let waited_ns = begin_ns.saturating_sub(turn_begin_ns);
-            unit.step(&mut self.inboxes, self.epoch_ns, now_ns + waited_ns);
+            let changes = unit.step(&mut self.inboxes, self.epoch_ns, now_ns + waited_ns);
             let taken_ns = clock_ns().saturating_sub(begin_ns);
             self.step_times_ns.saturating_record(taken_ns);
             unit.counters.max_step_ns = unit.counters.max_step_ns.max(taken_ns);
             if !sink.publish(slot, &unit.record) {
                 unit.counters.records_dropped += 1;
             }
+            for change in changes {
+                sink.alarm(&transition(slot, &unit.record, &change));
+            }
             self.agenda
                 .reschedule(unit.timing.due_ns(self.epoch_ns, unit.next_step));
+        }
+    }
+
+    /// Marks the alarm of the diagnoser in `slot` as seen by somebody, which ends a latch: see
+    /// [`Lifecycle::acknowledge`]. False if there was nothing to acknowledge.
+    pub fn acknowledge(&mut self, slot: usize, sink: &mut impl RecordSink) -> bool {
+        let change = self.units.get_mut(slot).and_then(|unit| {
+            let change = unit.lifecycle.acknowledge()?;
+            Some(transition(slot, &unit.record, &change))
+        });
+        change.inspect(|transition| sink.alarm(transition)).is_some()
+    }
+
+    /// Lets the diagnoser in `slot` and its alarm begin anew; its next record says so. False if there is no such
+    /// diagnoser.
+    pub fn reset(&mut self, slot: usize, sink: &mut impl RecordSink) -> bool {
+        let Some(unit) = self.units.get_mut(slot) else {
+            return false;
+        };
+        unit.diagnoser.reset();
+        unit.was_reset = true;
+        if let Some(change) = unit.lifecycle.reset() {
+            sink.alarm(&transition(slot, &unit.record, &change));
+        }
+        true
+    }
+
+    /// Lets the alarm of the diagnoser in `slot` go on from `state`.
+    pub fn restore_alarm(&mut self, slot: usize, state: &LifecycleState) {
+        if let Some(unit) = self.units.get_mut(slot) {
+            unit.lifecycle.restore(state);
         }
     }
 
@@ -193,6 +241,9 @@ impl Unit {
             timing: unit.timing,
             begun: false,
             next_step: 0,
+            was_reset: false,
+            lifecycle: Lifecycle::new(unit.rules),
+            enabling: unit.enabling,
             record: StepRecord::new(channel_count),
             counters: ScheduleCounters::default(),
         }
@@ -213,7 +264,8 @@ impl Unit {
         self.record.skipped_instants = u32::try_from(surplus).unwrap_or(u32::MAX);
     }
 
-    fn step(&mut self, inboxes: &mut [Inbox], epoch_ns: u64, now_ns: u64) {
+    /// Does the step and gives the changes of the alarm.
+    fn step(&mut self, inboxes: &mut [Inbox], epoch_ns: u64, now_ns: u64) -> Changes {
         let instant_ns = self.timing.instant_ns(epoch_ns, self.next_step);
         let lateness_ns = now_ns.saturating_sub(instant_ns + self.timing.margin_ns);
         let after_ns = instant_ns.saturating_sub(self.timing.period_ns);
@@ -229,6 +281,7 @@ impl Unit {
             (overrun, flags::OVERRUN),
             (gathered.missing, flags::INPUT_MISSING),
             (gathered.late, flags::LATE_SAMPLE),
+            (std::mem::take(&mut self.was_reset), flags::RESET),
         ]
         .iter()
         .filter_map(|&(set, flag)| set.then_some(flag))
@@ -237,11 +290,17 @@ impl Unit {
         if self.begun {
             self.diagnoser.step(&self.assembler.step_input(), record);
         }
+        let enabled = self.enabling.enabled(|signal| {
+            let sample = inboxes.get_mut(signal.input)?.newest(instant_ns)?;
+            sample.get(signal.element).copied()
+        });
+        let changes = self.lifecycle.advance(record, enabled);
 
         self.next_step += 1;
         self.counters.steps += 1;
         self.counters.overruns += u64::from(overrun);
         self.counters.input_missing += u64::from(gathered.missing);
         self.counters.max_lateness_ns = self.counters.max_lateness_ns.max(lateness_ns);
+        changes
     }
 }

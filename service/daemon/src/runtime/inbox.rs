@@ -30,6 +30,8 @@ pub struct Inbox {
     last_sequence: Option<LastSequence>,
     /// Latest sampling instant for which this input has been handed out.
     handed_until_ns: u64,
+    /// Latest sampling instant for which its newest sample has been looked at.
+    seen_until_ns: u64,
     counters: InputCounters,
 }
 
@@ -50,6 +52,7 @@ impl Inbox {
             newest_stamp_ns: None,
             last_sequence: None,
             handed_until_ns: 0,
+            seen_until_ns: 0,
             counters: InputCounters::default(),
         }
     }
@@ -145,7 +148,7 @@ impl Inbox {
         let stamp = header.timestamp_ns;
         let capacity = self.stamps.len();
         if self.len == capacity {
-            if self.stamps[self.first] > self.handed_until_ns {
+            if self.stamps[self.first] > self.handed_until_ns.max(self.seen_until_ns) {
                 self.counters.overwritten += 1;
             }
             self.first = (self.first + 1) % capacity;
@@ -167,16 +170,28 @@ impl Inbox {
     /// that arrive later for that instant will count as late.
     pub fn hand_out(&mut self, after_ns: u64, until_ns: u64) -> Option<&[f64]> {
         self.handed_until_ns = self.handed_until_ns.max(until_ns);
+        let place = self.newest_place(until_ns)?;
+        let fresh = self.stamps[place] > after_ns;
+        fresh.then(|| &self.elements[place * self.signal_count..][..self.signal_count])
+    }
+
+    /// The newest sample stamped at or before the sampling instant `until_ns`, however old, for those who need no
+    /// sample of each instant: it does not make later ones late.
+    pub fn newest(&mut self, until_ns: u64) -> Option<&[f64]> {
+        self.seen_until_ns = self.seen_until_ns.max(until_ns);
+        let place = self.newest_place(until_ns)?;
+        Some(&self.elements[place * self.signal_count..][..self.signal_count])
+    }
+
+    fn newest_place(&self, until_ns: u64) -> Option<usize> {
         let mut due = self
             .places()
             .rev()
             .filter(|&place| self.stamps[place] <= until_ns);
-        let place = match self.rollback_ns {
+        match self.rollback_ns {
             0 => due.next(),
             _ => due.max_by_key(|&place| self.stamps[place]),
-        }?;
-        let fresh = self.stamps[place] > after_ns;
-        fresh.then(|| &self.elements[place * self.signal_count..][..self.signal_count])
+        }
     }
 
     /// The packets for the sampling instant `until_ns` of a diagnoser whose last one was `after_ns`: those stamped

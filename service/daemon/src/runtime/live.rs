@@ -1,10 +1,11 @@
 //! The step thread: waits for the next due step, receives samples, steps, publishes.
 //!
-//! Between start and stop this loop makes no allocation, takes no lock, writes no log, and makes one kind of
-//! system call: the wait.
+//! Between start and stop this loop makes no allocation, takes no lock, writes no log, and makes two kinds of
+//! system call: the wait, and the wake-up at an alarm's transition.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use residual_shared::alarm::AlarmTransition;
 use residual_shared::bounds_table::{HEARTBEAT_PERIOD_NS, TableWriter};
 use residual_shared::clock::{DaemonTime, monotonic_ns, sleep_until_monotonic};
 use residual_shared::counters::{InputCounters, ScheduleCounters};
@@ -54,6 +55,10 @@ impl RecordSink for Publication {
     fn publish(&mut self, slot: usize, record: &StepRecord) -> bool {
         self.table.publish(slot, record);
         self.queue.push(Message::Record(slot, *record)).is_ok()
+    }
+
+    fn alarm(&mut self, transition: &AlarmTransition) {
+        self.table.raise(transition);
     }
 }
 

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! subscribers ─▶ inbox ─▶ assembler ─▶ diagnoser ─▶ record ─▶ bounds table (step thread)
-//!                └────────── engine ──────────┘        └▶ queue ─▶ companion thread ─▶ recorders, log
+//!                └────────── engine ──────────┘        ├▶ alarm ring of the table ─▶ companion thread ─▶ log, events
+//!                                                      └▶ queue ─────────────────▶ companion thread ─▶ recorders
 //! ```
 //!
 //! | module | what |
@@ -13,9 +14,12 @@
 //! | [`engine`] | all of it without clock and thread, shared with `replay` |
 //! | [`live`] | the step thread: waits, receives, steps, publishes |
 //! | [`companion`] | everything slow: recorders, log, cleaning |
+//! | [`alarm_watch`] | the companion's view of the alarms: log, iceoryx2 events |
+//! | [`resume`] | alarms go on over a restart |
 //! | [`real_time`] | scheduling policy, processor, locked memory |
 //! | [`lock`] | one daemon per instance |
 
+pub mod alarm_watch;
 pub mod assembler;
 pub mod companion;
 pub mod engine;
@@ -23,4 +27,5 @@ pub mod inbox;
 pub mod live;
 pub mod lock;
 pub mod real_time;
+pub mod resume;
 pub mod schedule;

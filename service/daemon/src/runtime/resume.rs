@@ -1,0 +1,27 @@
+//! Alarms that go on over a restart of the daemon, also one by kill −9: neither raised again nor forgotten.
+
+use std::path::Path;
+
+use residual_shared::alarm::AlarmState;
+use residual_shared::bounds_table::{AlarmRead, TableReader};
+use residual_shared::counters::AlarmStatus;
+
+use super::engine::Engine;
+use crate::lifecycle::LifecycleState;
+
+/// Lets the alarms of `engine` go on from where they stood in the table that the one at `path` has replaced, by
+/// slot.
+pub fn resume_alarms(engine: &mut Engine, path: &Path, status: &[Option<AlarmStatus>]) {
+    let table = TableReader::open(path).ok();
+    let known = status.iter().enumerate();
+    for (slot, status) in known.filter_map(|(slot, status)| Some((slot, status.as_ref()?))) {
+        let latest = table.as_ref().map(|table| table.read_alarm(status.number));
+        let isolated = match latest {
+            Some(AlarmRead::Transition(latest)) if latest.state == AlarmState::Isolated => {
+                Some(latest.certainly_faulty)
+            }
+            _ => None,
+        };
+        engine.restore_alarm(slot, &LifecycleState::shown(status, isolated));
+    }
+}
