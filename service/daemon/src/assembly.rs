@@ -42,6 +42,8 @@ pub fn assemble(
         .iter()
         .zip(diagnosers)
         .map(|(configured, built)| DiagnoserUnit {
+            rules: configured.lifecycle.rules,
+            enabling: configured.enabling(built.diagnoser.description()),
             diagnoser: built.diagnoser,
             timing: timing(configured, speed),
             measurements: configured.measurements.clone(),
@@ -110,7 +112,7 @@ pub fn table_spec(
 /// What the companion has to know.
 pub fn introduction(configuration: &Configuration, diagnosers: &[Designed]) -> Introduction {
     Introduction {
-        names: log_names(configuration, &descriptions(diagnosers)),
+        names: log_names(configuration),
         identity: Identity {
             program: env!("CARGO_PKG_VERSION").into(),
             diagnosers: crate::commands::descriptions::descriptions(configuration, diagnosers),
@@ -119,13 +121,12 @@ pub fn introduction(configuration: &Configuration, diagnosers: &[Designed]) -> I
 }
 
 /// Names for the log.
-fn log_names(configuration: &Configuration, descriptions: &[Description]) -> LogNames {
+fn log_names(configuration: &Configuration) -> LogNames {
     LogNames {
         diagnosers: configuration
             .diagnosers
             .iter()
-            .zip(descriptions)
-            .map(|(configured, description)| (configured.name.clone(), description.faults.clone()))
+            .map(|configured| configured.name.clone())
             .collect(),
         inputs: configuration
             .inputs

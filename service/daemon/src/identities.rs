@@ -78,17 +78,24 @@ fn fingerprint_of_diagnoser(
         let signal = |reference: &SignalReference| (inputs.get(reference.input), reference.element);
         references.iter().map(signal).collect()
     };
-    let keys = DiagnoserConfiguration {
+    let enabling: Vec<SignalReference> = (configured.lifecycle.enable.iter())
+        .map(|condition| condition.signal)
+        .collect();
+    let mut keys = DiagnoserConfiguration {
         measurements: Vec::new(),
         commands: Vec::new(),
         ..configured.clone()
     };
+    for condition in &mut keys.lifecycle.enable {
+        condition.signal = SignalReference { input: 0, element: 0 };
+    }
     let mut state = Vec::new();
     designed.diagnoser.save(&mut state);
     fingerprint(&(
         keys,
         signals(&configured.measurements),
         signals(&configured.commands),
+        signals(&enabling),
         state,
         &designed.achieved,
     ))

@@ -19,6 +19,7 @@ pub mod commands;
 pub mod configuration;
 pub mod demo;
 pub mod identities;
+pub mod lifecycle;
 pub mod logging;
 pub mod plot;
 pub mod replay;

@@ -7,8 +7,10 @@ use proptest::prelude::*;
 use residual_diagnosis::diagnoser::{
     Description, Diagnoser, RestoreError, StepInput, StepRecord, Verdict, flags,
 };
+use residual_shared::alarm::AlarmTransition;
 use residual_shared::sample::SampleHeader;
 use residuald::configuration::SignalReference;
+use residuald::lifecycle::{Enabling, Rules};
 use residuald::runtime::engine::{Engine, InboxOptions, RecordSink};
 use residuald::runtime::schedule::Timing;
 use residuald::runtime::unit::DiagnoserUnit;
@@ -74,6 +76,8 @@ impl RecordSink for Records {
         self.list.push((self.now_ns, slot, *record));
         true
     }
+
+    fn alarm(&mut self, _transition: &AlarmTransition) {}
 }
 
 /// An engine of listeners in simulated time, with one input of one signal that all of them measure.
@@ -102,6 +106,8 @@ impl Bench {
             measurements: vec![SignalReference { input: 0, element: 0 }],
             commands: vec![],
             command_delay_steps: 0,
+            rules: Rules::default(),
+            enabling: Enabling::default(),
         };
         let input = InboxOptions {
             signal_count: 1,

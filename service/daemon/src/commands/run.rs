@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use residual_shared::bounds_table::{Access, CreateError, TableWriter};
+use residual_shared::bounds_table::{Access, CreateError, PreparedTable};
 use residual_shared::names::Instance;
 use residual_shared::transport::{self, Node, TransportError};
 use rtrb::Producer;
@@ -23,6 +23,7 @@ use crate::runtime::life::Life;
 use crate::runtime::live::{Publication, StepLoop};
 use crate::runtime::lock::{InstanceLock, LockError};
 use crate::runtime::real_time;
+use crate::runtime::resume::resume_alarms;
 use crate::runtime::running::Running;
 use crate::runtime::upkeep::Upkeep;
 use crate::summary::Summary;
@@ -173,8 +174,19 @@ pub fn step_loop<'a>(
         group: configuration.daemon.group,
         mode: configuration.daemon.mode,
     };
-    let table = TableWriter::create(&configuration.daemon.instance().bounds_path(), &spec, &access)?;
-    let publication = Publication::new(table, queue, Reported::none(configuration));
+    let path = configuration.daemon.instance().bounds_path();
+    let prepared = PreparedTable::create(&path, &spec, &access)?;
+    let alarms = prepared.alarm_status();
+    let table = prepared.publish()?;
+    resume_alarms(&mut engine, &path, &alarms);
+    for (slot, known) in alarms.iter().enumerate() {
+        if known.is_none()
+            && let Some(alarm) = engine.alarm(slot)
+        {
+            table.publish_alarm_status(slot, &alarm.status());
+        }
+    }
+    let publication = Publication::new(table, queue, Reported::of(&engine));
     Ok(StepLoop {
         engine,
         running,

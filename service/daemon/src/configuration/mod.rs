@@ -8,12 +8,14 @@
 //! | `validate` | from sections to [`Configuration`] |
 //! | [`load`] | the whole way |
 //! | [`method`], [`build`], [`gains`] | the diagnosis methods, their gains, and the construction of the diagnosers |
+//! | `enabling` | the channels that enable conditions speak of |
 //! | `warnings` | what is accepted but deserves a second look |
 //!
 //! `deploy/config/README.md` documents every key, `deploy/config/vtol.toml` is a complete example.
 
 pub mod build;
 mod deserialise;
+mod enabling;
 pub mod error;
 pub mod gains;
 pub mod load;
@@ -29,6 +31,7 @@ pub use error::{ConfigurationError, Mistake};
 pub use load::Loaded;
 pub use method::MethodConfiguration;
 
+use crate::lifecycle::Rules;
 use residual_shared::names::{Instance, InstanceName};
 use std::path::PathBuf;
 
@@ -139,8 +142,30 @@ pub struct DiagnoserConfiguration {
     pub commands: Vec<SignalReference>,
     /// A command received at t_k acts from t_{k + delay} on.
     pub command_delay_steps: usize,
+    /// When its alarm is raised and cleared.
+    pub lifecycle: LifecycleConfiguration,
     /// The method with its model and options.
     pub method: MethodConfiguration,
+}
+
+/// `[diagnoser.lifecycle]`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LifecycleConfiguration {
+    /// When the alarm is raised and cleared.
+    pub rules: Rules,
+    /// Which channels count only sometimes.
+    pub enable: Vec<EnableConfiguration>,
+}
+
+/// `[[diagnoser.lifecycle.enable]]`: some channels count only while a signal lies in a range.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EnableConfiguration {
+    /// Names of the channels; `None`: all.
+    pub channels: Option<Vec<String>>,
+    /// The signal.
+    pub signal: SignalReference,
+    /// Its lowest and highest value.
+    pub range: [f64; 2],
 }
 
 impl DiagnoserConfiguration {

@@ -1,10 +1,12 @@
 //! Inboxes, schedule and diagnosers together: the part that a live daemon and a replay share to the last bit.
 //!
 //! The engine has no clock and no thread. Its owner hands it samples ([`Engine::accept`]) and the time
-//! ([`Engine::step_due`]); it steps what is due and hands every record to a [`RecordSink`]. After construction
+//! ([`Engine::step_due`]); it steps what is due and hands every record and every transition of an alarm to a
+//! [`RecordSink`]. After construction
 //! nothing here allocates.
 
 use hdrhistogram::Histogram;
+use residual_shared::alarm::AlarmTransition;
 use residual_shared::counters::{InputCounters, ScheduleCounters};
 use residual_shared::record::StepRecord;
 use residual_shared::sample::SampleHeader;
@@ -12,14 +14,18 @@ use residual_shared::sample::SampleHeader;
 use super::inbox::Inbox;
 use super::schedule::{Agenda, Timing};
 use super::unit::{DiagnoserUnit, Unit};
+use crate::lifecycle::{LifecycleState, transition};
 
 /// Longest step that the step-time histogram tells apart: one second.
 const LONGEST_STEP_NS: u64 = 1_000_000_000;
 
-/// Takes the records as they come into being.
+/// Takes records and alarm transitions as they come into being.
 pub trait RecordSink {
     /// Takes the record of the diagnoser in `slot`; false when a recorder's copy had to be dropped.
     fn publish(&mut self, slot: usize, record: &StepRecord) -> bool;
+
+    /// Takes a transition of the alarm of the diagnoser in `transition.slot`, after the record that caused it.
+    fn alarm(&mut self, transition: &AlarmTransition);
 }
 
 /// One input's inbox dimensions.
@@ -104,12 +110,15 @@ impl Engine {
             unit.skip_what_cannot_be_caught_up(self.epoch_ns, self.catch_up_limit, now_ns);
             let begin_ns = clock_ns();
             let waited_ns = begin_ns.saturating_sub(turn_begin_ns);
-            unit.step(&mut self.inboxes, self.epoch_ns, now_ns + waited_ns);
+            let changes = unit.step(&mut self.inboxes, self.epoch_ns, now_ns + waited_ns);
             let taken_ns = clock_ns().saturating_sub(begin_ns);
             self.step_times_ns.saturating_record(taken_ns);
             unit.counters.max_step_ns = unit.counters.max_step_ns.max(taken_ns);
             if !sink.publish(slot, &unit.record) {
                 unit.counters.records_dropped += 1;
+            }
+            for change in changes {
+                sink.alarm(&transition(slot, &unit.record, &change));
             }
             self.agenda
                 .reschedule(unit.timing.due_ns(self.epoch_ns, unit.next_step));
@@ -122,16 +131,48 @@ impl Engine {
         self.agenda.refill(self.epoch_ns, steps);
     }
 
-    /// Returns the diagnoser in `slot` to the state right after its construction; its next record has the flag
-    /// RESET, and its time begins anew with the next sample. False: there is no such slot.
-    pub fn reset(&mut self, slot: usize) -> bool {
-        self.units.get_mut(slot).map(Unit::reset).is_some()
+    /// Marks the alarm of the diagnoser in `slot` as seen by somebody, which ends a latch: see
+    /// [`Lifecycle::acknowledge`](crate::lifecycle::Lifecycle::acknowledge). False if there was nothing to
+    /// acknowledge; `None`: there is no such slot.
+    pub fn acknowledge(&mut self, slot: usize, sink: &mut impl RecordSink) -> Option<bool> {
+        let unit = self.units.get_mut(slot)?;
+        let change = unit.lifecycle.acknowledge();
+        let transition = change.map(|change| transition(slot, &unit.record, &change));
+        Some(transition.inspect(|transition| sink.alarm(transition)).is_some())
     }
 
-    /// Acknowledges the alarm of the diagnoser in `slot`; whether there was one. `None`: there is no such slot.
-    pub fn acknowledge(&mut self, slot: usize) -> Option<bool> {
-        // No alarm outlasts its violation, so none ever waits for an acknowledgement.
-        self.units.get(slot).map(|_| false)
+    /// Returns the diagnoser in `slot` and its alarm to the state right after its construction; its next record has
+    /// the flag RESET, and its time begins anew with the next sample. False: there is no such slot.
+    pub fn reset(&mut self, slot: usize, sink: &mut impl RecordSink) -> bool {
+        let Some(unit) = self.units.get_mut(slot) else {
+            return false;
+        };
+        if let Some(change) = unit.lifecycle.reset() {
+            sink.alarm(&transition(slot, &unit.record, &change));
+        }
+        unit.reset();
+        true
+    }
+
+    /// Withdraws the alarms of all diagnosers, each with its slot and the transition that says so.
+    pub fn withdraw_alarms(&mut self, mut take: impl FnMut(usize, AlarmTransition)) {
+        for (slot, unit) in self.units.iter_mut().enumerate() {
+            if let Some(change) = unit.lifecycle.withdraw() {
+                take(slot, transition(slot, &unit.record, &change));
+            }
+        }
+    }
+
+    /// Where the alarm of the diagnoser in `slot` stands.
+    pub fn alarm(&self, slot: usize) -> Option<LifecycleState> {
+        self.units.get(slot).map(|unit| unit.lifecycle.save())
+    }
+
+    /// Lets the alarm of the diagnoser in `slot` go on from `state`.
+    pub fn restore_alarm(&mut self, slot: usize, state: &LifecycleState) {
+        if let Some(unit) = self.units.get_mut(slot) {
+            unit.lifecycle.restore(state);
+        }
     }
 
     /// The latest record of each diagnoser that has done a step, with its slot.

@@ -8,6 +8,7 @@
 
 use std::sync::Arc;
 
+use residual_shared::alarm::{AlarmTransition, NONE};
 use residual_shared::bounds_table::{CreateError, PreparedTable, TableWriter};
 use residual_shared::counters::{InputCounters, ScheduleCounters};
 use residual_shared::transport::{Node, SampleSubscriber, TransportError};
@@ -49,11 +50,11 @@ pub struct Reported {
 }
 
 impl Reported {
-    /// Nothing has been reported.
-    pub fn none(configuration: &Configuration) -> Self {
+    /// All that an engine counted so far is known.
+    pub fn of(engine: &Engine) -> Self {
         Self {
-            inputs: vec![InputCounters::default(); configuration.inputs.len()],
-            schedules: vec![ScheduleCounters::default(); configuration.diagnosers.len()],
+            inputs: engine.input_counters().copied().collect(),
+            schedules: engine.schedule_counters().copied().collect(),
         }
     }
 
@@ -130,6 +131,9 @@ impl StepLoop<'_> {
         exchange.engine.take_over(&mut self.engine, &exchange.same, now_ns);
         std::mem::swap(&mut self.engine, &mut exchange.engine);
         std::mem::swap(&mut self.running, &mut exchange.running);
+        if let Some(replaced) = &exchange.replaced {
+            self.publication.withdraw_alarms(&mut exchange.engine, replaced);
+        }
         self.subscriptions.retain_mut(|subscription| {
             let number = exchange.input_numbers.get(subscription.input).copied().flatten();
             number.is_some_and(|number| {
@@ -152,6 +156,19 @@ impl StepLoop<'_> {
 }
 
 impl Publication {
+    /// Clears the alarms of diagnosers that are gone or changed, which the old engine has kept.
+    fn withdraw_alarms(&mut self, old: &mut Engine, replaced: &TableWriter) {
+        old.withdraw_alarms(|slot, transition| {
+            let identity = replaced.identity(slot).unwrap_or_default();
+            let slot = self.table.slot_with_identity(identity);
+            self.table.raise(&AlarmTransition {
+                slot: slot.map_or(NONE, |slot| slot as u32),
+                identity,
+                ..transition
+            });
+        });
+    }
+
     /// Shows in the new table what is known of diagnosers that stayed the same, and introduces all to the companion.
     fn go_on(&mut self, engine: &Engine, exchange: &mut Exchange) {
         exchange.reported.take_over(&self.reported, &exchange.same);

@@ -37,6 +37,8 @@ pub struct InboxState {
     last_sequence: Option<LastSequence>,
     /// Latest sampling instant for which this input has been handed out.
     handed_until_ns: u64,
+    /// Latest sampling instant for which its newest sample has been looked at.
+    seen_until_ns: u64,
     #[serde(with = "counters_as_words")]
     counters: InputCounters,
 }
@@ -73,6 +75,7 @@ impl Inbox {
                 newest_stamp_ns: None,
                 last_sequence: None,
                 handed_until_ns: 0,
+                seen_until_ns: 0,
                 counters: InputCounters::default(),
             },
         }
@@ -194,7 +197,7 @@ impl Inbox {
         let stamp = header.timestamp_ns;
         let capacity = self.state.stamps.len();
         if self.state.len == capacity {
-            if self.state.stamps[self.state.first] > self.state.handed_until_ns {
+            if self.state.stamps[self.state.first] > self.state.handed_until_ns.max(self.state.seen_until_ns) {
                 self.state.counters.overwritten += 1;
             }
             self.state.first = (self.state.first + 1) % capacity;
@@ -216,16 +219,28 @@ impl Inbox {
     /// that arrive later for that instant will count as late.
     pub fn hand_out(&mut self, after_ns: u64, until_ns: u64) -> Option<&[f64]> {
         self.state.handed_until_ns = self.state.handed_until_ns.max(until_ns);
+        let place = self.newest_place(until_ns)?;
+        let fresh = self.state.stamps[place] > after_ns;
+        fresh.then(|| &self.state.elements[place * self.signal_count..][..self.signal_count])
+    }
+
+    /// The newest sample stamped at or before the sampling instant `until_ns`, however old, for those who need no
+    /// sample of each instant: it does not make later ones late.
+    pub fn newest(&mut self, until_ns: u64) -> Option<&[f64]> {
+        self.state.seen_until_ns = self.state.seen_until_ns.max(until_ns);
+        let place = self.newest_place(until_ns)?;
+        Some(&self.state.elements[place * self.signal_count..][..self.signal_count])
+    }
+
+    fn newest_place(&self, until_ns: u64) -> Option<usize> {
         let mut due = self
             .places()
             .rev()
             .filter(|&place| self.state.stamps[place] <= until_ns);
-        let place = match self.rollback_ns {
+        match self.rollback_ns {
             0 => due.next(),
             _ => due.max_by_key(|&place| self.state.stamps[place]),
-        }?;
-        let fresh = self.state.stamps[place] > after_ns;
-        fresh.then(|| &self.state.elements[place * self.signal_count..][..self.signal_count])
+        }
     }
 
     /// The packets for the sampling instant `until_ns` of a diagnoser whose last one was `after_ns`: those stamped

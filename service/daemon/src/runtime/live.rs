@@ -1,11 +1,12 @@
 //! The step thread: waits for the next due step, receives samples, steps, publishes, obeys commands.
 //!
-//! Between start and stop this loop makes no allocation, takes no lock, writes no log, and makes one kind of
-//! system call: the wait.
+//! Between start and stop this loop makes no allocation, takes no lock, writes no log, and makes two kinds of
+//! system call: the wait, and the wake-up at an alarm's transition.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use residual_shared::alarm::AlarmTransition;
 use residual_shared::bounds_table::{HEARTBEAT_PERIOD_NS, TableWriter};
 use residual_shared::clock::{DaemonTime, monotonic_ns, sleep_until_monotonic};
 use residual_shared::counters::{InputCounters, ScheduleCounters};
@@ -60,6 +61,10 @@ impl RecordSink for Publication {
     fn publish(&mut self, slot: usize, record: &StepRecord) -> bool {
         self.table.publish(slot, record);
         self.queue.push(Message::Record(slot, *record)).is_ok()
+    }
+
+    fn alarm(&mut self, transition: &AlarmTransition) {
+        self.table.raise(transition);
     }
 }
 
@@ -191,11 +196,11 @@ impl StepLoop<'_> {
     }
 
     fn execute(&mut self, command: Command) -> Reply {
-        let engine = &mut self.engine;
+        let (engine, sink) = (&mut self.engine, &mut self.publication);
         match command {
-            Command::Reset(slot) if engine.reset(slot) => Reply::Reset,
+            Command::Reset(slot) if engine.reset(slot, sink) => Reply::Reset,
             Command::Reset(_) => Reply::NoSuchSlot,
-            Command::Acknowledge(slot) => match engine.acknowledge(slot) {
+            Command::Acknowledge(slot) => match engine.acknowledge(slot, sink) {
                 Some(acknowledged) => Reply::Acknowledged(acknowledged),
                 None => Reply::NoSuchSlot,
             },

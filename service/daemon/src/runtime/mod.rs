@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! subscribers ─▶ inbox ─▶ assembler ─▶ diagnoser ─▶ record ─▶ bounds table (step thread)
-//!                └────────── engine ──────────┘        └▶ queue ─▶ companion thread ─▶ recorders, log
+//!                └────────── engine ──────────┘        ├▶ alarm ring of the table ─▶ companion thread ─▶ log, events
+//!                                                      └▶ queue ─────────────────▶ companion thread ─▶ recorders
 //! ```
 //!
 //! | module | what |
@@ -21,9 +22,12 @@
 //! | [`upkeep`], [`reload`] | the long tasks: checkpoint, reload |
 //! | [`running`], [`life`] | the configuration in force; where a life of the daemon begins |
 //! | [`companion`] | everything slow: recorders, log, control requests, cleaning |
+//! | [`alarm_watch`] | the companion's view of the alarms: log, iceoryx2 events |
+//! | [`resume`] | alarms go on over a restart |
 //! | [`real_time`] | scheduling policy, processor, locked memory |
 //! | [`lock`] | one daemon per instance |
 
+pub mod alarm_watch;
 pub mod assembler;
 pub mod checkpoint;
 pub mod command;
@@ -37,6 +41,7 @@ pub mod lock;
 pub mod real_time;
 pub mod reload;
 pub mod running;
+pub mod resume;
 pub mod schedule;
 pub mod snapshot;
 pub mod take_over;

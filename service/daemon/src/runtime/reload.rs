@@ -151,11 +151,13 @@ fn prepare(
 ) -> Result<Exchange, ReloadError> {
     let configuration = &new.configuration;
     let daemon = &configuration.daemon;
+    let introduction = introduction(configuration, &diagnosers);
     let spec = table_spec(configuration, &descriptions(&diagnosers), grid.time, grid.epoch_ns);
     let access = Access {
         group: daemon.group,
         mode: daemon.mode,
     };
+    let engine = assemble(configuration, diagnosers, grid.epoch_ns, grid.time.speed);
     let number_of = |name: &str| configuration.inputs.iter().position(|input| input.name == name);
     Ok(Exchange {
         running: Arc::clone(new),
@@ -169,9 +171,9 @@ fn prepare(
             &access,
         )?),
         replaced: None,
-        introduction: Some(Box::new(introduction(configuration, &diagnosers))),
-        reported: Reported::none(configuration),
-        engine: assemble(configuration, diagnosers, grid.epoch_ns, grid.time.speed),
+        introduction: Some(Box::new(introduction)),
+        reported: Reported::of(&engine),
+        engine,
     })
 }
 

@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use super::assembler::AssemblerState;
 use super::engine::Engine;
 use super::unit::Unit;
+use crate::lifecycle::LifecycleState;
 
 /// What of a diagnoser's unit outlasts a step, beside the diagnoser's own state.
 #[derive(Debug, Serialize, Deserialize)]
@@ -26,9 +27,11 @@ pub struct UnitState<A> {
     /// Whether its time has begun.
     pub begun: bool,
     /// Whether it was reset since its last record.
-    pub reset: bool,
+    pub was_reset: bool,
     /// Its schedule counters.
     pub counters: [u64; ScheduleCounters::COUNT],
+    /// Its alarm.
+    pub lifecycle: LifecycleState,
     /// What its assembler keeps.
     pub assembler: A,
 }
@@ -128,7 +131,8 @@ impl Unit {
         UnitState {
             next_step: self.next_step,
             begun: self.begun,
-            reset: self.reset,
+            was_reset: self.was_reset,
+            lifecycle: self.lifecycle.save(),
             counters: self.counters.to_words(),
             assembler: self.assembler.state(),
         }

@@ -19,7 +19,8 @@ impl Engine {
     /// same move here with all they know, by swapping; others begin with their next instant of the same grid.
     ///
     /// Both must have the same epoch, and diagnosers that stayed the same must have all their inputs among those
-    /// that did. No allocation, no release; `old` must not be stepped any more.
+    /// that did. No allocation, no release; `old` must not be stepped any more, and has the alarms of those that are
+    /// gone or changed.
     pub fn take_over(&mut self, old: &mut Self, same: &Correspondence, now_ns: u64) {
         self.generation = old.generation + 1;
         std::mem::swap(&mut self.step_times_ns, &mut old.step_times_ns);
@@ -34,6 +35,7 @@ impl Engine {
             if let Some(before) = place_in(&same.kept).and_then(|place| old.units.get_mut(place)) {
                 std::mem::swap(unit, before);
                 unit.assembler.exchange_inputs(&mut before.assembler);
+                std::mem::swap(&mut unit.enabling, &mut before.enabling);
                 continue;
             }
             let replaced = place_in(&same.replaced).and_then(|place| old.units.get(place));

@@ -8,6 +8,7 @@ use super::assembler::Assembler;
 use super::inbox::Inbox;
 use super::schedule::Timing;
 use crate::configuration::SignalReference;
+use crate::lifecycle::{Changes, Enabling, Lifecycle, Rules};
 
 /// A diagnoser with its timing and its signals.
 pub struct DiagnoserUnit {
@@ -21,6 +22,10 @@ pub struct DiagnoserUnit {
     pub commands: Vec<SignalReference>,
     /// How many instants after its reception a command acts.
     pub command_delay_steps: usize,
+    /// When its alarm is raised and cleared.
+    pub rules: Rules,
+    /// Which of its channels count.
+    pub enabling: Enabling,
 }
 
 impl DiagnoserUnit {
@@ -45,9 +50,11 @@ pub(super) struct Unit {
     /// starts from. So a replay and a daemon that waited for its sensors say the same.
     pub(super) begun: bool,
     /// Whether the diagnoser was reset from outside since its last record.
-    pub(super) reset: bool,
+    pub(super) was_reset: bool,
     pub(super) next_step: u64,
     pub(super) record: StepRecord,
+    pub(super) lifecycle: Lifecycle,
+    pub(super) enabling: Enabling,
     pub(super) counters: ScheduleCounters,
     /// Instants passed over since the last step.
     skipped: u64,
@@ -67,7 +74,9 @@ impl Unit {
             diagnoser: unit.diagnoser,
             timing: unit.timing,
             begun: false,
-            reset: false,
+            was_reset: false,
+            lifecycle: Lifecycle::new(unit.rules),
+            enabling: unit.enabling,
             next_step: 0,
             record: StepRecord::new(channel_count),
             counters: ScheduleCounters::default(),
@@ -80,7 +89,7 @@ impl Unit {
         self.diagnoser.reset();
         self.record = StepRecord::new(self.diagnoser.description().channels.len());
         self.begun = false;
-        self.reset = true;
+        self.was_reset = true;
     }
 
     /// Gives up the oldest instants of a backlog that is longer than the limit, and counts them.
@@ -102,8 +111,8 @@ impl Unit {
         self.skipped += count;
     }
 
-    /// Does the step of the next instant.
-    pub(super) fn step(&mut self, inboxes: &mut [Inbox], epoch_ns: u64, now_ns: u64) {
+    /// Does the step of the next instant and gives the changes of the alarm.
+    pub(super) fn step(&mut self, inboxes: &mut [Inbox], epoch_ns: u64, now_ns: u64) -> Changes {
         let instant_ns = self.timing.instant_ns(epoch_ns, self.next_step);
         let lateness_ns = now_ns.saturating_sub(instant_ns + self.timing.margin_ns);
         let after_ns = instant_ns.saturating_sub(self.timing.period_ns);
@@ -120,7 +129,7 @@ impl Unit {
             (overrun, flags::OVERRUN),
             (gathered.missing, flags::INPUT_MISSING),
             (gathered.late, flags::LATE_SAMPLE),
-            (std::mem::take(&mut self.reset), flags::RESET),
+            (std::mem::take(&mut self.was_reset), flags::RESET),
         ]
         .iter()
         .filter_map(|&(set, flag)| set.then_some(flag))
@@ -129,11 +138,17 @@ impl Unit {
         if self.begun {
             self.diagnoser.step(&self.assembler.step_input(), record);
         }
+        let enabled = self.enabling.enabled(|signal| {
+            let sample = inboxes.get_mut(signal.input)?.newest(instant_ns)?;
+            sample.get(signal.element).copied()
+        });
+        let changes = self.lifecycle.advance(record, enabled);
 
         self.next_step += 1;
         self.counters.steps += 1;
         self.counters.overruns += u64::from(overrun);
         self.counters.input_missing += u64::from(gathered.missing);
         self.counters.max_lateness_ns = self.counters.max_lateness_ns.max(lateness_ns);
+        changes
     }
 }

@@ -52,7 +52,7 @@ impl Engine {
     /// told to skip.
     ///
     /// # Errors
-    /// [`NoWarmStart`]; the diagnoser then is as it was.
+    /// [`NoWarmStart`]; the diagnoser then is as it was. Its alarm goes on if only too much time has passed.
     pub fn restore_diagnoser(&mut self, slot: usize, part: &[u8], now_ns: u64) -> Result<u64, NoWarmStart> {
         let epoch_ns = self.epoch_ns;
         let unit = self.units.get_mut(slot).ok_or(NoWarmStart::Damaged)?;
@@ -67,6 +67,7 @@ impl Engine {
         };
         let gap_ns = gap.saturating_mul(unit.timing.period_ns);
         if gap > LONGEST_GAP_INSTANTS || gap_ns > LONGEST_GAP_NS {
+            unit.lifecycle.restore(&state.lifecycle.without_steps());
             return Err(NoWarmStart::TooLongAgo {
                 instants: gap,
                 seconds: gap_ns / 1_000_000_000,
@@ -81,12 +82,21 @@ impl Engine {
             return Err(error.into());
         }
         unit.begun = state.begun;
-        unit.reset = state.reset;
+        unit.was_reset = state.was_reset;
+        unit.lifecycle.restore(&state.lifecycle);
         unit.next_step = state.next_step;
         unit.counters = ScheduleCounters::from_words(state.counters);
         unit.skip(gap);
         self.refill_agenda();
         Ok(gap)
+    }
+
+    /// Only the alarm of the diagnoser in `slot` goes on from its part of a snapshot.
+    pub fn restore_only_alarm(&mut self, slot: usize, part: &[u8]) {
+        let state = read::<UnitState<AssemblerState>>(part);
+        if let (Some(unit), Some((state, _))) = (self.units.get_mut(slot), state) {
+            unit.lifecycle.restore(&state.lifecycle.without_steps());
+        }
     }
 
     /// The diagnoser in `slot` begins at its first instant from `now_ns` on, instead of the first one of all.

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 use residual_diagnosis::method::Designed;
+use residual_shared::alarm::AlarmTransition;
 use residual_shared::record::StepRecord;
 use residual_shared::sample::SampleHeader;
 use residuald::assembly::assemble;
@@ -45,6 +46,8 @@ pub struct Said {
 pub struct Records {
     pub names: Vec<String>,
     pub list: Vec<Said>,
+    /// Transitions of alarms, by diagnoser.
+    pub alarms: Vec<(String, AlarmTransition)>,
 }
 
 impl RecordSink for Records {
@@ -54,6 +57,16 @@ impl RecordSink for Records {
             record: *record,
         });
         true
+    }
+
+    fn alarm(&mut self, transition: &AlarmTransition) {
+        self.alarms.push((
+            self.names[transition.slot as usize].clone(),
+            AlarmTransition {
+                slot: 0,
+                ..*transition
+            },
+        ));
     }
 }
 
@@ -95,6 +108,10 @@ impl Setup {
         for diagnoser in &mut configuration.diagnosers {
             renumber(&mut diagnoser.measurements);
             renumber(&mut diagnoser.commands);
+            for condition in &mut diagnoser.lifecycle.enable {
+                condition.signal.input =
+                    inputs.iter().position(|&input| input == condition.signal.input).unwrap();
+            }
         }
         Self {
             configuration,
@@ -116,7 +133,7 @@ impl Setup {
             names: (self.configuration.diagnosers.iter())
                 .map(|diagnoser| diagnoser.name.clone())
                 .collect(),
-            list: Vec::new(),
+            ..Records::default()
         }
     }
 

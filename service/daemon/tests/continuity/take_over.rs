@@ -1,6 +1,7 @@
 //! Engines that take over from each other, as at a reload.
 
 use proptest::prelude::*;
+use residual_shared::alarm::{AlarmState, alarm_flags};
 use residuald::identities::Identities;
 
 use crate::allocation::allocations;
@@ -65,6 +66,17 @@ fn of_unchanged(all: &Setup, records: Records) -> Vec<Said> {
     list
 }
 
+/// The transitions of the alarms of the same diagnosers, as text by name: most have numbers that are NaN.
+fn alarms_of_unchanged(all: &Setup, records: &Records) -> Vec<String> {
+    let names: Vec<&str> = (all.configuration.diagnosers.iter().step_by(2))
+        .map(|diagnoser| diagnoser.name.as_str())
+        .collect();
+    let alarms = records.alarms.iter();
+    let mut list: Vec<_> = alarms.filter(|(name, _)| names.contains(&name.as_str())).collect();
+    list.sort_by_key(|(name, _)| name);
+    list.iter().map(|alarm| format!("{alarm:?}")).collect()
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(8))]
 
@@ -115,8 +127,18 @@ proptest! {
             let place = setup.configuration.inputs.iter().position(|new| new.name == input.name).unwrap();
             prop_assert_eq!(engine.input_counters().nth(place).unwrap(), counters);
         }
+        prop_assert_eq!(alarms_of_unchanged(&all, &records), alarms_of_unchanged(&all, &expected));
         assert_same("after reloads", &of_unchanged(&all, records), &of_unchanged(&all, expected));
     }
+}
+
+/// Where the alarm of each diagnoser stands.
+fn last_states(records: &Records) -> Vec<AlarmState> {
+    let last = |name: &String| {
+        let own = records.alarms.iter().rev().find(|(other, _)| other == name);
+        own.map_or(AlarmState::Cleared, |(_, transition)| transition.state)
+    };
+    records.names.iter().map(last).collect()
 }
 
 #[test]
@@ -124,8 +146,12 @@ fn a_changed_diagnoser_begins_afresh_with_the_instant_that_would_have_been_the_n
     let all = Setup::all();
     let mut engine = all.engine();
     let mut records = all.records();
-    for sample in samples(1, 1) {
+    // Until an alarm is there to be withdrawn.
+    for sample in samples(1, 6) {
         all.feed(&mut engine, &sample, &mut records);
+        if last_states(&records).contains(&AlarmState::Raised) {
+            break;
+        }
     }
     let now_ns = engine.next_due_ns().unwrap();
     let mut changed = all.clone();
@@ -151,4 +177,16 @@ fn a_changed_diagnoser_begins_afresh_with_the_instant_that_would_have_been_the_n
         assert_eq!(first.record.step, last + 1, "{name}");
     }
     assert!(next.schedule_counters().all(|counters| counters.skipped == 0));
+    let mut withdrawn = Vec::new();
+    engine.withdraw_alarms(|slot, transition| withdrawn.push((slot, transition)));
+    let states = last_states(&records);
+    assert!(states.iter().any(|state| *state != AlarmState::Cleared), "{states:?}");
+    for (slot, state) in states.iter().enumerate() {
+        let transition = withdrawn.iter().find(|(withdrawn, _)| *withdrawn == slot);
+        assert_eq!(transition.is_some(), *state != AlarmState::Cleared, "{slot}");
+        if let Some((_, transition)) = transition {
+            assert_eq!(transition.state, AlarmState::Cleared);
+            assert_eq!(transition.flags, alarm_flags::WITHDRAWN);
+        }
+    }
 }

@@ -62,6 +62,7 @@ proptest! {
             setup.feed(&mut engine, sample, &mut records);
         }
         assert_same("after a restart", &records.list, &expected.list);
+        prop_assert_eq!(format!("{:?}", records.alarms), format!("{:?}", expected.alarms));
         prop_assert!(engine.input_counters().eq(uninterrupted.input_counters()));
         prop_assert!(engine.schedule_counters().eq(uninterrupted.schedule_counters()));
     }

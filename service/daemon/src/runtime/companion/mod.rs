@@ -3,11 +3,12 @@
 //! | module | what |
 //! |---|---|
 //! | [`records`] | sends the step records, which come through a lock-free queue, to recorders |
-//! | [`log`] | writes changes of verdict and of the counters to the log |
+//! | [`log`] | writes changes of the counters to the log |
 //! | [`control`] | answers control requests, through commands to the step thread where need be |
 //! | [`task`] | work for a control request that takes long, on a thread of its own |
 //!
-//! It clears away dead iceoryx2 nodes, too.
+//! It tells alarms to the log and to listeners of iceoryx2 ([`alarm_watch`](super::alarm_watch)), which wake it at once,
+//! and clears away dead iceoryx2 nodes.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,10 +18,11 @@ use std::time::{Duration, Instant};
 use residual_shared::control::ControlCounters;
 use residual_shared::names::Instance;
 use residual_shared::record::StepRecord;
-use residual_shared::transport::{self, ControlServer, RecordPublisher, TransportError};
+use residual_shared::transport::{self, AlarmNotifier, ControlServer, RecordPublisher, TransportError};
 use rtrb::Consumer;
 use tracing::warn;
 
+use super::alarm_watch::AlarmWatch;
 use super::live::CounterReport;
 use control::ControlDesk;
 use log::ChangeLog;
@@ -35,7 +37,7 @@ pub use control::{Control, Identity};
 pub use log::{LogNames, fault_names};
 pub use task::{Due, StepThread, Task, Work};
 
-/// How long the thread sleeps when its queue is empty: recorders see a record, and requests are seen, at most this
+/// How long the thread sleeps without an alarm: recorders see a record, and requests are seen, at most this
 /// much later.
 const IDLE: Duration = Duration::from_millis(5);
 
@@ -139,6 +141,7 @@ struct Worker {
     records: RecordRelay,
     log: ChangeLog,
     control: ControlDesk,
+    alarms: AlarmWatch,
     // Last, so that it outlives its ports.
     node: transport::Node,
 }
@@ -155,6 +158,7 @@ impl Worker {
         let server = ControlServer::create(&node, instance)?;
         Ok(Self {
             queue,
+            alarms: AlarmWatch::new(instance.clone(), AlarmNotifier::create(&node, instance)?),
             records: RecordRelay::new(RecordPublisher::create(&node, instance)?),
             log: ChangeLog::new(names),
             control: ControlDesk::new(server, instance.clone(), identity, control),
@@ -166,12 +170,10 @@ impl Worker {
         let mut cleaned = Instant::now();
         loop {
             let stopping = stop.load(Ordering::Acquire);
+            self.alarms.look();
             while let Ok(message) = self.queue.pop() {
                 match message {
-                    Message::Record(slot, record) => {
-                        self.records.send(slot, &record);
-                        self.log.record(slot, &record);
-                    }
+                    Message::Record(slot, record) => self.records.send(slot, &record),
                     Message::Counters(report) => self.log.counters(&report),
                     Message::Reloaded(introduction) => {
                         self.log = ChangeLog::new(introduction.names);
@@ -187,7 +189,7 @@ impl Worker {
                 self.node.try_cleanup_dead_nodes();
                 cleaned = Instant::now();
             }
-            thread::sleep(IDLE);
+            self.alarms.wait(IDLE);
         }
         self.records.finish();
         self.control.finish()
