@@ -3,6 +3,7 @@
 use super::achieved::{
     false_alarms, insensitive, never_firing, not_stated, smallest_faults, smallest_margin,
 };
+use super::lifecycle::lifecycle;
 use super::lines::Lines;
 use crate::configuration::{
     Configuration, DaemonSection, DiagnoserConfiguration, InputConfiguration, RealtimeSection,
@@ -151,6 +152,7 @@ fn diagnoser(
         lines.entry(name, value);
     }
     achieved(lines, &built.achieved);
+    lifecycle(lines, diagnoser, &built.achieved, inputs);
     let channels: Vec<_> = description
         .channels
         .iter()
@@ -184,7 +186,7 @@ fn achieved(lines: &mut Lines, achieved: &Achieved) {
     }
 }
 
-fn signals(references: &[SignalReference], inputs: &[InputConfiguration]) -> String {
+pub(super) fn signals(references: &[SignalReference], inputs: &[InputConfiguration]) -> String {
     let name = |reference: &SignalReference| {
         let input = &inputs[reference.input];
         format!("{}.{}", input.name, input.signals[reference.element])
@@ -220,7 +222,7 @@ fn system_warnings(configuration: &Configuration) -> Vec<String> {
 }
 
 /// Nanoseconds in the largest unit that leaves a number of at least 1.
-fn duration(nanoseconds: u64) -> String {
+pub(super) fn duration(nanoseconds: u64) -> String {
     let value = nanoseconds as f64;
     match nanoseconds {
         0 => "0 s".to_owned(),

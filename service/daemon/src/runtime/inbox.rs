@@ -342,6 +342,20 @@ mod tests {
     }
 
     #[test]
+    fn the_newest_sample_is_given_however_old_and_makes_nothing_late() {
+        let mut inbox = inbox();
+        assert_eq!(inbox.newest(5), None);
+        send(&mut inbox, 0, 10, &[1.0, 2.0]);
+        assert_eq!(inbox.newest(9), None);
+        assert_eq!(inbox.newest(500), Some(&[1.0, 2.0][..]));
+        for sequence in 1..9 {
+            send(&mut inbox, sequence, 20 + sequence, &[sequence as f64, 0.0]);
+        }
+        assert_eq!(inbox.newest(25), Some(&[5.0, 0.0][..]));
+        assert_eq!((inbox.counters().late, inbox.counters().overwritten), (0, 0));
+    }
+
+    #[test]
     fn a_full_inbox_drops_the_oldest_and_counts_it_only_if_nobody_had_seen_it() {
         let mut inbox = inbox();
         for sequence in 0..4 {
