@@ -21,6 +21,7 @@ use residuald::demo::composition::compose;
 use residuald::demo::plants::Merged;
 use residuald::demo::plants::aircraft::{Aircraft, Disturbance};
 use residuald::demo::scenario::{self, Variation};
+use residuald::runtime::command::{self, Command, Reply};
 use residuald::runtime::companion::Message;
 use residuald::runtime::engine::RecordSink;
 use support::publisher::Drivers;
@@ -92,6 +93,9 @@ struct Seen {
     missing: u64,
     late: u64,
     isolated: u64,
+    obeyed: u64,
+    acknowledged: u64,
+    refused: u64,
 }
 
 impl Seen {
@@ -153,7 +157,7 @@ fn send(drivers: &mut Drivers, aircraft: &mut Aircraft, k: u64, stamp_ns: u64) {
 }
 
 #[test]
-fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_and_resets_allocate_nothing() {
+fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_resets_and_commands_allocate_nothing() {
     let mut stage = Stage::new();
     stage.set_diagnoser("margin_s", 0.0);
     let lifecycle: Table = "raise_steps = 2\nraise_window = 4\nlatch = true\nstartup_suppression_s = 0.1\n\
@@ -166,7 +170,17 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_and_resets_alloca
     let node = transport::open_node(&stage.instance).unwrap();
     let (sender, mut receiver) = rtrb::RingBuffer::new(loaded.configuration.daemon.record_queue);
     let stop = AtomicBool::new(false);
-    let mut steps = step_loop(&loaded.configuration, diagnosers, SPEED, &node, sender, &stop).unwrap();
+    let (mut commands, inbox) = command::channel();
+    let mut steps = step_loop(
+        &loaded.configuration,
+        diagnosers,
+        SPEED,
+        &node,
+        sender,
+        inbox,
+        &stop,
+    )
+    .unwrap();
     let mut drivers = Drivers::open(&stage.instance);
     let spec = stage.table().directory().spec.clone();
     let time: DaemonTime = spec.time;
@@ -181,17 +195,26 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_and_resets_alloca
         let instant_ns = spec.schedule_epoch_ns + k * PERIOD_NS;
         sleep_until_monotonic(time.to_monotonic(instant_ns));
         send(&mut drivers, &mut aircraft, k, instant_ns);
-        let of_this_turn = allocations(|| {
-            steps.turn();
-            let (engine, publication) = (&mut steps.engine, &mut steps.publication);
-            match k % (2 * COURSE) {
-                ACKNOWLEDGED => drop(engine.acknowledge(0, publication)),
-                RESET => drop(engine.reset(0, publication)),
-                _ => {}
+        match k % (2 * COURSE) {
+            ACKNOWLEDGED => {
+                let ticket = commands.ticket();
+                commands.send(ticket, Command::Acknowledge(0));
             }
-        });
+            RESET => {
+                let ticket = commands.ticket();
+                commands.send(ticket, Command::Reset(0));
+                commands.send(ticket, Command::Reset(1));
+            }
+            _ => {}
+        }
+        let of_this_turn = allocations(|| steps.turn());
         if k >= WARM_UP {
             counted += of_this_turn;
+        }
+        while let Some((_, reply)) = commands.reply() {
+            seen.obeyed += u64::from(matches!(reply, Reply::Reset));
+            seen.acknowledged += u64::from(matches!(reply, Reply::Acknowledged(true)));
+            seen.refused += u64::from(matches!(reply, Reply::NoSuchSlot));
         }
         while let Ok(message) = receiver.pop() {
             if let Message::Record(_, record) = message {
@@ -227,6 +250,9 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_and_resets_alloca
         let count = states.iter().filter(|seen| **seen == state).count();
         assert!(count >= 3, "{state:?}: {states:?}");
     }
+    let commanded = TURNS / (2 * COURSE);
+    assert_eq!((seen.obeyed, seen.refused), (commanded, commanded), "{seen:?}");
+    assert!(seen.acknowledged >= 2, "{seen:?}");
     let sensors = stage.input_counters(0);
     for (name, value) in [
         ("non_finite", sensors.non_finite),

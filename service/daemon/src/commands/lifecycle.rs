@@ -1,7 +1,8 @@
 //! The lifecycle of an alarm in words, and how long a violation takes until it is raised at worst.
 
 use super::achieved::{number, with_unit};
-use super::check::{duration, signals};
+use super::check::duration;
+use super::descriptions::signals;
 use super::lines::Lines;
 use crate::configuration::{DiagnoserConfiguration, EnableConfiguration, InputConfiguration};
 use residual_diagnosis::achieved::Achieved;
@@ -52,7 +53,7 @@ fn enabled(condition: &EnableConfiguration, inputs: &[InputConfiguration]) -> St
         None => "all channels".to_owned(),
     };
     let [low, high] = condition.range;
-    let signal = signals(&[condition.signal], inputs);
+    let signal = signals(&[condition.signal], inputs).concat();
     format!(
         "{channels} while {signal} lies from {} to {}",
         number(low),

@@ -79,9 +79,9 @@ struct Unit {
     /// Whether a sample of any input has come: only then the diagnoser's own time begins, wherever its model
     /// starts from. So a replay and a daemon that waited for its sensors say the same.
     begun: bool,
+    /// Whether the diagnoser was reset from outside since its last record.
+    reset: bool,
     next_step: u64,
-    /// Whether the diagnoser was reset since its last step.
-    was_reset: bool,
     record: StepRecord,
     lifecycle: Lifecycle,
     enabling: Enabling,
@@ -171,28 +171,28 @@ impl Engine {
         }
     }
 
-    /// Marks the alarm of the diagnoser in `slot` as seen by somebody, which ends a latch: see
-    /// [`Lifecycle::acknowledge`]. False if there was nothing to acknowledge.
-    pub fn acknowledge(&mut self, slot: usize, sink: &mut impl RecordSink) -> bool {
-        let change = self.units.get_mut(slot).and_then(|unit| {
-            let change = unit.lifecycle.acknowledge()?;
-            Some(transition(slot, &unit.record, &change))
-        });
-        change.inspect(|transition| sink.alarm(transition)).is_some()
-    }
-
-    /// Lets the diagnoser in `slot` and its alarm begin anew; its next record says so. False if there is no such
-    /// diagnoser.
+    /// Returns the diagnoser in `slot` to the state right after its construction and clears its alarm; its next
+    /// record has the flag RESET, and its time begins anew with the next sample. False: there is no such slot.
     pub fn reset(&mut self, slot: usize, sink: &mut impl RecordSink) -> bool {
         let Some(unit) = self.units.get_mut(slot) else {
             return false;
         };
-        unit.diagnoser.reset();
-        unit.was_reset = true;
         if let Some(change) = unit.lifecycle.reset() {
             sink.alarm(&transition(slot, &unit.record, &change));
         }
+        unit.reset();
         true
+    }
+
+    /// Acknowledges the alarm of the diagnoser in `slot`, which ends a latch ([`Lifecycle::acknowledge`]); whether
+    /// there was one that nobody had acknowledged. `None`: there is no such slot.
+    pub fn acknowledge(&mut self, slot: usize, sink: &mut impl RecordSink) -> Option<bool> {
+        let unit = self.units.get_mut(slot)?;
+        let change = unit.lifecycle.acknowledge();
+        if let Some(change) = &change {
+            sink.alarm(&transition(slot, &unit.record, change));
+        }
+        Some(change.is_some())
     }
 
     /// Lets the alarm of the diagnoser in `slot` go on from `state`.
@@ -240,13 +240,20 @@ impl Unit {
             diagnoser: unit.diagnoser,
             timing: unit.timing,
             begun: false,
+            reset: false,
             next_step: 0,
-            was_reset: false,
             lifecycle: Lifecycle::new(unit.rules),
             enabling: unit.enabling,
             record: StepRecord::new(channel_count),
             counters: ScheduleCounters::default(),
         }
+    }
+
+    fn reset(&mut self) {
+        self.diagnoser.reset();
+        self.record = StepRecord::new(self.diagnoser.description().channels.len());
+        self.begun = false;
+        self.reset = true;
     }
 
     /// Gives up the oldest instants of a backlog that is longer than the limit, and counts them.
@@ -281,7 +288,7 @@ impl Unit {
             (overrun, flags::OVERRUN),
             (gathered.missing, flags::INPUT_MISSING),
             (gathered.late, flags::LATE_SAMPLE),
-            (std::mem::take(&mut self.was_reset), flags::RESET),
+            (std::mem::take(&mut self.reset), flags::RESET),
         ]
         .iter()
         .filter_map(|&(set, flag)| set.then_some(flag))

@@ -12,15 +12,15 @@
 //! | [`assembler`] | samples of one sampling instant → step input |
 //! | [`schedule`] | sampling instants and who is next |
 //! | [`engine`] | all of it without clock and thread, shared with `replay` |
-//! | [`live`] | the step thread: waits, receives, steps, publishes |
-//! | [`companion`] | everything slow: recorders, log, cleaning |
-//! | [`alarm_watch`] | the companion's view of the alarms: log, iceoryx2 events |
+//! | [`live`] | the step thread: waits, obeys commands, receives, steps, publishes |
+//! | [`command`] | commands to the step thread, and their replies |
+//! | [`companion`] | everything slow: recorders, log, alarm events, control requests, cleaning |
 //! | [`resume`] | alarms go on over a restart |
 //! | [`real_time`] | scheduling policy, processor, locked memory |
 //! | [`lock`] | one daemon per instance |
 
-pub mod alarm_watch;
 pub mod assembler;
+pub mod command;
 pub mod companion;
 pub mod engine;
 pub mod inbox;
