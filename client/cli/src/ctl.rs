@@ -7,8 +7,8 @@ use std::time::Duration;
 use clap::{Args, Subcommand};
 use comfy_table::{Table, presets};
 use residual_client::{
-    AlarmNumber, Alarms, Changes, Control, ControlCounters, DiagnoserDescription, InstanceName, Listing, Request,
-    Response, Which,
+    AlarmNumber, Alarms, Changes, Control, ControlCounters, DiagnoserDescription, InstanceName, Listing,
+    Request, Response, Which,
 };
 use serde::Serialize;
 

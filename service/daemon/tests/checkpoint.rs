@@ -289,9 +289,18 @@ fn only_a_diagnoser_whose_configuration_changed_begins_afresh() {
     let (first, second) = (SYSTEMS[0], SYSTEMS[1]);
     wait_for_log(&daemon, "states taken from the checkpoint");
     let log = daemon.messages();
-    assert!(log.contains("it has another configuration or other gains now"), "{log}");
-    assert!(log.contains(&format!("goes on from its checkpoint diagnoser=\"{second}\"")), "{log}");
-    assert!(!log.contains(&format!("goes on from its checkpoint diagnoser=\"{first}\"")), "{log}");
+    assert!(
+        log.contains("it has another configuration or other gains now"),
+        "{log}"
+    );
+    assert!(
+        log.contains(&format!("goes on from its checkpoint diagnoser=\"{second}\"")),
+        "{log}"
+    );
+    assert!(
+        !log.contains(&format!("goes on from its checkpoint diagnoser=\"{first}\"")),
+        "{log}"
+    );
     let table = stage.table();
     assert!(table.read_schedule_counters(1).unwrap().steps >= before);
     assert_eq!(table.read_schedule_counters(0).unwrap().skipped, 0);
@@ -319,7 +328,10 @@ fn an_alarm_outlasts_another_boot_in_the_checkpoint() {
     fs::remove_file(stage.instance.bounds_path()).unwrap();
     let daemon = Daemon::start(&stage);
     let after = alarm(&stage);
-    assert_eq!((after.state, after.occurrences), (before.state, before.occurrences));
+    assert_eq!(
+        (after.state, after.occurrences),
+        (before.state, before.occurrences)
+    );
     daemon.stop();
 }
 
@@ -343,7 +355,10 @@ fn a_client_has_a_checkpoint_made_for_the_owners_eyes_only() {
 fn without_a_configured_file_a_checkpoint_is_refused_with_the_key_to_set() {
     let stage = stage();
     let daemon = Daemon::start(&stage);
-    let refused = Control::connect(&stage.instance).unwrap().checkpoint().unwrap_err();
+    let refused = Control::connect(&stage.instance)
+        .unwrap()
+        .checkpoint()
+        .unwrap_err();
     assert!(refused.to_string().contains("`checkpoint_file`"), "{refused}");
     daemon.stop();
     assert!(!checkpoint_file(&stage).exists());

@@ -96,7 +96,9 @@ fn the_answer_says_what_was_added_removed_changed_and_kept() {
     stage.configuration_file();
     control.reload().unwrap();
     let sensor = Sensor::start(&stage, at_rest);
-    wait_until("samples", || stage.table().read_input_counters(2).unwrap().accepted > 5);
+    wait_until("samples", || {
+        stage.table().read_input_counters(2).unwrap().accepted > 5
+    });
     drop(sensor);
     daemon.stop();
 }
@@ -116,11 +118,24 @@ fn what_is_wrong_is_refused_with_its_place_and_changes_nothing() {
     };
     fs::write(&path, format!("{good}\nno toml")).unwrap();
     refused("no TOML", "1 mistake");
-    fs::write(&path, good.replace("priority", "piority").replace("[daemon]", "[daemon]\npriority = 1")).unwrap();
+    fs::write(
+        &path,
+        good.replace("priority", "piority")
+            .replace("[daemon]", "[daemon]\npriority = 1"),
+    )
+    .unwrap();
     refused("an unknown key", "priority");
-    fs::write(&path, good.replace("sample_time_s = 0.01", "sample_time_s = -1.0")).unwrap();
+    fs::write(
+        &path,
+        good.replace("sample_time_s = 0.01", "sample_time_s = -1.0"),
+    )
+    .unwrap();
     refused("an impossible period", "a period of -1 s is not possible");
-    fs::write(&path, good.replace("[daemon]", "[daemon]\ngains_file = \"none.toml\"")).unwrap();
+    fs::write(
+        &path,
+        good.replace("[daemon]", "[daemon]\ngains_file = \"none.toml\""),
+    )
+    .unwrap();
     refused("a missing gains file", "none.toml");
     fs::remove_file(&path).unwrap();
     refused("no file", "cannot read the configuration");
@@ -133,7 +148,12 @@ fn what_is_wrong_is_refused_with_its_place_and_changes_nothing() {
         .insert("buffer_samples".into(), 9.into());
     stage.configuration_file();
     let message = control.reload().unwrap_err().to_string();
-    for key in ["a restart is needed", "`record_queue`", "[realtime]", "`buffer_samples` of the input `stable_sensor`"] {
+    for key in [
+        "a restart is needed",
+        "`record_queue`",
+        "[realtime]",
+        "`buffer_samples` of the input `stable_sensor`",
+    ] {
         assert!(message.contains(key), "{message}");
     }
     let steps = stage.schedule_counters().steps;
@@ -173,7 +193,9 @@ fn a_hangup_signal_reloads_and_a_wrong_configuration_leaves_the_daemon_as_it_was
     remove(&mut stage, 2);
     stage.configuration_file();
     daemon.signal(Signal::SIGHUP);
-    wait_until("a smaller table", || stage.table().directory().spec.slots.len() == 2);
+    wait_until("a smaller table", || {
+        stage.table().directory().spec.slots.len() == 2
+    });
     daemon.stop();
 }
 
@@ -293,7 +315,10 @@ impl Client {
 /// Resident memory of a process, kB, and its open files.
 fn memory_and_files(pid: u32) -> (u64, usize) {
     let status = fs::read_to_string(format!("/proc/{pid}/status")).unwrap();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap();
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmRSS:"))
+        .unwrap();
     let memory = line.trim().trim_end_matches(" kB").parse().unwrap();
     (memory, fs::read_dir(format!("/proc/{pid}/fd")).unwrap().count())
 }
@@ -306,7 +331,10 @@ fn write_configuration(stage: &mut Stage, whole: &toml::Table, reload: usize) ->
         0 => {}
         1 => drop(remove(stage, 2)),
         2 => {
-            stage.diagnosers()[1].as_table_mut().unwrap().insert("priority".into(), 1.into());
+            stage.diagnosers()[1]
+                .as_table_mut()
+                .unwrap()
+                .insert("priority".into(), 1.into());
         }
         _ => {
             let last = remove(stage, 2);
@@ -318,7 +346,12 @@ fn write_configuration(stage: &mut Stage, whole: &toml::Table, reload: usize) ->
     let valid = reload % 2 == 0;
     if !valid {
         match reload / 2 % 3 {
-            0 => drop(stage.diagnosers()[0].as_table_mut().unwrap().remove("measurements")),
+            0 => drop(
+                stage.diagnosers()[0]
+                    .as_table_mut()
+                    .unwrap()
+                    .remove("measurements"),
+            ),
             1 => stage.set("daemon", "record_queue", 9),
             _ => stage.set_diagnoser("sample_time_s", 0.0),
         }
@@ -345,7 +378,10 @@ fn reload_under_load(reloads: usize) {
         assert_eq!(outcome.is_ok(), valid, "reload {reload}: {outcome:?}");
         assert_eq!(epoch > before, valid, "reload {reload}");
         if let Ok(outcome) = outcome {
-            assert!(outcome.diagnosers.unchanged >= 1 && outcome.inputs.unchanged >= 1, "{outcome:?}");
+            assert!(
+                outcome.diagnosers.unchanged >= 1 && outcome.inputs.unchanged >= 1,
+                "{outcome:?}"
+            );
             epochs.push(epoch);
             // Reloads by hand are not this quick; the client needs a turn on the processor.
             thread::sleep(Duration::from_millis(10));
@@ -373,9 +409,15 @@ fn reload_under_load(reloads: usize) {
     );
     assert_eq!(gaps, [], "steps without gaps");
     assert_eq!((counters.skipped, counters.records_dropped), (0, 0));
-    assert!(counters.steps >= records && records as usize > reloads / 2, "{counters:?}");
+    assert!(
+        counters.steps >= records && records as usize > reloads / 2,
+        "{counters:?}"
+    );
     assert_eq!(files_now, files);
-    assert!(memory_now <= memory + MEMORY_TOLERANCE_KB, "{memory} kB, then {memory_now} kB");
+    assert!(
+        memory_now <= memory + MEMORY_TOLERANCE_KB,
+        "{memory} kB, then {memory_now} kB"
+    );
     let unseen: Vec<&u64> = epochs.iter().filter(|epoch| !seen.contains(epoch)).collect();
     assert_eq!(unseen, Vec::<&u64>::new(), "tables that the client has not seen");
     let summary = daemon.stop();

@@ -43,7 +43,9 @@ impl Life {
     /// and it is of use. What is not is told to the log.
     pub fn begin(daemon: &DaemonSection, speed: f64) -> Self {
         let checkpoint = checkpoint(daemon);
-        let continued = checkpoint.as_ref().filter(|checkpoint| has_this_time(checkpoint, daemon, speed));
+        let continued = checkpoint
+            .as_ref()
+            .filter(|checkpoint| has_this_time(checkpoint, daemon, speed));
         let time = DaemonTime {
             origin_ns: continued.map_or_else(monotonic_ns, |checkpoint| checkpoint.origin_ns),
             speed,
@@ -89,7 +91,10 @@ impl Life {
                 && !engine.restore_input(input, part)
             {
                 let input = &identity.name;
-                warn!(input, "its part of the checkpoint {file} is damaged; the input begins empty");
+                warn!(
+                    input,
+                    "its part of the checkpoint {file} is damaged; the input begins empty"
+                );
             }
         }
         let mut resumed = 0;
@@ -109,10 +114,17 @@ impl Life {
                 }
                 None => "it was not there then".into(),
             };
-            warn!(diagnoser, "begins afresh, not from the checkpoint {file}: {refused}");
+            warn!(
+                diagnoser,
+                "begins afresh, not from the checkpoint {file}: {refused}"
+            );
             engine.begin_at(slot, now_ns);
         }
-        info!(resumed, of = running.identities.diagnosers.len(), "states taken from the checkpoint {file}");
+        info!(
+            resumed,
+            of = running.identities.diagnosers.len(),
+            "states taken from the checkpoint {file}"
+        );
     }
 }
 

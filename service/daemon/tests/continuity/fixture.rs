@@ -109,8 +109,10 @@ impl Setup {
             renumber(&mut diagnoser.measurements);
             renumber(&mut diagnoser.commands);
             for condition in &mut diagnoser.lifecycle.enable {
-                condition.signal.input =
-                    inputs.iter().position(|&input| input == condition.signal.input).unwrap();
+                condition.signal.input = inputs
+                    .iter()
+                    .position(|&input| input == condition.signal.input)
+                    .unwrap();
             }
         }
         Self {

@@ -34,7 +34,9 @@ pub fn stage() -> Stage {
             .parse()
             .unwrap();
         diagnoser.insert("statistics".into(), residual.into());
-        let threshold: Table = "mode = 'per_instant'\nfalse_alarm_probability = 0.001".parse().unwrap();
+        let threshold: Table = "mode = 'per_instant'\nfalse_alarm_probability = 0.001"
+            .parse()
+            .unwrap();
         diagnoser.insert("threshold".into(), threshold.into());
     }
     stage.configuration.remove("replay");
@@ -73,7 +75,10 @@ impl Drop for Sensor {
     fn drop(&mut self) {
         self.end.store(true, Ordering::Relaxed);
         let ended = self.thread.take().map(JoinHandle::join);
-        assert!(thread::panicking() || matches!(ended, Some(Ok(()))), "the sensor failed");
+        assert!(
+            thread::panicking() || matches!(ended, Some(Ok(()))),
+            "the sensor failed"
+        );
     }
 }
 
