@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::record::RecordArguments;
 use clap::{Args, Parser, Subcommand};
 use residual_client::{DEFAULT_RUNTIME_DIRECTORY, InstanceName, RUNTIME_DIRECTORY_VARIABLE};
 
@@ -13,7 +14,8 @@ Exit codes:
   3  there is no living daemon (the last state it left is shown all the same)
   4  `status`: a diagnoser reports a fault
   5  `status`: no fault is reported, but a diagnoser does not judge: stale, starting, not evaluated, or
-     guarantee lost";
+     guarantee lost
+  6  `record`: the recording is whole, but something was lost on the way to it; it says how much";
 
 /// Looks at the diagnosers of a residuald daemon.
 #[derive(Debug, Parser)]
@@ -55,6 +57,9 @@ pub enum Command {
         #[command(flatten)]
         options: WatchOptions,
     },
+    /// Records every step record of the diagnosers, and if asked for the samples of the inputs, to an MCAP file.
+    #[command(after_help = EXIT_CODES)]
+    Record(RecordArguments),
 }
 
 /// What to watch, and how long.

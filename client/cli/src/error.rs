@@ -4,6 +4,7 @@ use std::io;
 use std::path::PathBuf;
 
 use residual_client::{OpenError, ReadError};
+use residual_recording::recorder::RecordError;
 
 /// Exit code: an error.
 const FAILURE: u8 = 1;
@@ -43,6 +44,12 @@ pub enum Error {
         /// The names there are.
         known: Vec<String>,
     },
+    /// A recording cannot be made.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// Signal handlers cannot be installed.
+    #[error("cannot install signal handlers: {0}")]
+    Signals(io::Error),
     /// The output cannot be written.
     #[error("cannot write the output: {0}")]
     Output(#[from] io::Error),
@@ -52,9 +59,20 @@ impl Error {
     /// The exit code.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::NoInstance(_) | Self::Open(OpenError::NotFound { .. }) => NO_DAEMON,
-            Self::SeveralInstances(_) | Self::NoSuchDiagnoser { .. } => USAGE,
-            Self::RuntimeDirectory { .. } | Self::Open(_) | Self::Read(_) | Self::Output(_) => FAILURE,
+            Self::NoInstance(_)
+            | Self::Open(OpenError::NotFound { .. })
+            | Self::Record(RecordError::NoDaemon(_) | RecordError::Table(OpenError::NotFound { .. })) => {
+                NO_DAEMON
+            }
+            Self::SeveralInstances(_)
+            | Self::NoSuchDiagnoser { .. }
+            | Self::Record(RecordError::NoSuchDiagnoser { .. }) => USAGE,
+            Self::RuntimeDirectory { .. }
+            | Self::Open(_)
+            | Self::Read(_)
+            | Self::Record(_)
+            | Self::Signals(_)
+            | Self::Output(_) => FAILURE,
         }
     }
 }

@@ -4,6 +4,7 @@ mod arguments;
 mod error;
 mod instances;
 mod number;
+mod record;
 mod snapshot;
 mod status;
 mod watch;
@@ -35,6 +36,7 @@ fn run(arguments: &Arguments) -> Result<u8, Error> {
     };
     match &arguments.command {
         Command::Status { instance, json } => status::run(&mut open(instance)?, *json),
+        Command::Record(options) => record::run(options, &arguments.runtime_directory),
         Command::Watch { instance, options } => watch::run(&mut open(instance)?, options),
     }
 }

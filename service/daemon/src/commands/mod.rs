@@ -8,4 +8,5 @@ pub mod explain;
 pub mod identify;
 mod lines;
 pub mod replay;
+mod replay_recorded;
 pub mod run;

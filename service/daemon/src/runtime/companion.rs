@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use residual_shared::counters::{InputCounters, ScheduleCounters};
 use residual_shared::names::Instance;
-use residual_shared::record::{StepRecord, Verdict};
+use residual_shared::record::{StepRecord, Verdict, fault_names};
 use residual_shared::transport::{self, RecordPublisher, TransportError};
 use rtrb::Consumer;
 use tracing::{info, warn};
@@ -206,15 +206,6 @@ impl Worker {
             }
         }
     }
-}
-
-/// The names of the faults in a set.
-pub fn fault_names(faults: &[String], set: u64) -> impl Iterator<Item = &str> {
-    faults
-        .iter()
-        .enumerate()
-        .filter(move |(bit, _)| set >> bit & 1 == 1)
-        .map(|(_, name)| name.as_str())
 }
 
 fn changes<'a>(
