@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::record::RecordArguments;
 use clap::{Args, Parser, Subcommand};
 use residual_client::{DEFAULT_RUNTIME_DIRECTORY, InstanceName, RUNTIME_DIRECTORY_VARIABLE};
 
@@ -18,7 +19,8 @@ Exit codes:
   4  `status`: a diagnoser reports a fault
   5  `status`: no fault is reported, but a diagnoser does not judge: stale, starting, not evaluated, or
      guarantee lost
-  6  `ctl`: the daemon did not answer in time";
+  6  `ctl`: the daemon did not answer in time
+  7  `record`: the recording is whole, but something was lost on the way to it; it says how much";
 
 /// Looks at the diagnosers of a residuald daemon, and controls it.
 #[derive(Debug, Parser)]
@@ -66,6 +68,9 @@ pub enum Command {
     /// Shows the alarm transitions, each once and in order; what is lost is shown as a gap.
     #[command(after_help = EXIT_CODES)]
     Alarms(AlarmOptions),
+    /// Records every step record of the diagnosers, and if asked for the samples of the inputs, to an MCAP file.
+    #[command(after_help = EXIT_CODES)]
+    Record(RecordArguments),
 }
 
 /// What to watch, and how long.

@@ -6,6 +6,7 @@ mod ctl;
 mod error;
 mod instances;
 mod number;
+mod record;
 mod snapshot;
 mod status;
 mod watch;
@@ -36,6 +37,7 @@ fn run(arguments: &Arguments) -> Result<u8, Error> {
     match &arguments.command {
         Command::Status { instance, json } => status::run(&mut open(instance)?, *json),
         Command::Ctl(control) => ctl::run(control, &arguments.runtime_directory),
+        Command::Record(options) => record::run(options, &arguments.runtime_directory),
         Command::Watch { instance, options } => watch::run(&mut open(instance)?, options),
         Command::Alarms(options) => alarms::run(&choose(&options.instance)?, options),
     }

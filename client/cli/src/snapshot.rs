@@ -139,7 +139,7 @@ impl DiagnoserView {
             fault_estimate_half_width: Number(record.fault_estimate_half_width),
             step: record.step,
             instant_ns: record.instant_ns,
-            flags: flag_names(record.flags),
+            flags: flags::names(record.flags).collect(),
             worst_channel: worst,
             channels,
             counters: ScheduleCounters::NAMES
@@ -190,22 +190,5 @@ fn fault_names(spec: &SlotSpec, set: u64) -> Vec<String> {
         .enumerate()
         .filter(|(index, _)| is_in(*index))
         .map(|(_, name)| name.clone())
-        .collect()
-}
-
-fn flag_names(set: u32) -> Vec<&'static str> {
-    let names = [
-        (flags::INSTANTS_SKIPPED, "instants skipped"),
-        (flags::OVERRUN, "overrun"),
-        (flags::INPUT_MISSING, "input missing"),
-        (flags::LATE_SAMPLE, "late sample"),
-        (flags::ALARM_NOW, "alarm now"),
-        (flags::RESET, "reset"),
-        (flags::THRESHOLD_INERT, "threshold inert"),
-    ];
-    names
-        .into_iter()
-        .filter(|(flag, _)| set & flag != 0)
-        .map(|(_, name)| name)
         .collect()
 }

@@ -10,4 +10,5 @@ pub mod identify;
 mod lifecycle;
 mod lines;
 pub mod replay;
+mod replay_recorded;
 pub mod run;
