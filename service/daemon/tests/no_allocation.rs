@@ -6,6 +6,7 @@ mod support;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use residual_shared::alarm::{AlarmState, AlarmTransition};
@@ -24,6 +25,9 @@ use residuald::demo::scenario::{self, Variation};
 use residuald::runtime::command::{self, Command, Reply};
 use residuald::runtime::companion::Message;
 use residuald::runtime::engine::RecordSink;
+use residuald::runtime::life::Life;
+use residuald::runtime::running::Running;
+use residuald::runtime::snapshot::{Progress, Snapshot};
 use support::publisher::Drivers;
 use support::{PERIOD_NS, Stage};
 use toml::Table;
@@ -78,6 +82,8 @@ const COURSE: u64 = 240;
 /// Turns of every second course at which the alarm is acknowledged and the diagnoser is reset: during its fault.
 const ACKNOWLEDGED: u64 = 180;
 const RESET: u64 = 200;
+/// Turns from one snapshot of all states to the next.
+const SAVE_EVERY: u64 = 50;
 /// So that the test takes seconds, the daemon's time runs faster.
 const SPEED: f64 = 8.0;
 
@@ -94,6 +100,7 @@ struct Seen {
     late: u64,
     isolated: u64,
     obeyed: u64,
+    saved: u64,
     acknowledged: u64,
     refused: u64,
 }
@@ -171,22 +178,17 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_resets_and_comman
     let (sender, mut receiver) = rtrb::RingBuffer::new(loaded.configuration.daemon.record_queue);
     let stop = AtomicBool::new(false);
     let (mut commands, inbox) = command::channel();
-    let mut steps = step_loop(
-        &loaded.configuration,
-        diagnosers,
-        SPEED,
-        &node,
-        sender,
-        inbox,
-        &stop,
-    )
-    .unwrap();
+    let ticket = commands.ticket();
+    let running = Arc::new(Running::new(loaded.configuration.clone(), &diagnosers));
+    let life = Life::begin(&loaded.configuration.daemon, SPEED);
+    let mut steps = step_loop(running, diagnosers, &life, &node, sender, inbox, &stop).unwrap();
     let mut drivers = Drivers::open(&stage.instance);
     let spec = stage.table().directory().spec.clone();
     let time: DaemonTime = spec.time;
 
     let mut aircraft = Aircraft::new(1, Disturbance::Sine, 1);
     let mut seen = Seen::default();
+    let mut snapshot = Some(Box::<Snapshot>::default());
     let mut counted = 0;
     for k in 0..TURNS {
         if k % COURSE == 0 {
@@ -196,16 +198,15 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_resets_and_comman
         sleep_until_monotonic(time.to_monotonic(instant_ns));
         send(&mut drivers, &mut aircraft, k, instant_ns);
         match k % (2 * COURSE) {
-            ACKNOWLEDGED => {
-                let ticket = commands.ticket();
-                commands.send(ticket, Command::Acknowledge(0));
-            }
+            ACKNOWLEDGED => commands.send(ticket, Command::Acknowledge(0)),
             RESET => {
-                let ticket = commands.ticket();
                 commands.send(ticket, Command::Reset(0));
                 commands.send(ticket, Command::Reset(1));
             }
             _ => {}
+        }
+        if k % SAVE_EVERY == SAVE_EVERY - 1 {
+            commands.send(ticket, Command::Save(snapshot.take().unwrap()));
         }
         let of_this_turn = allocations(|| steps.turn());
         if k >= WARM_UP {
@@ -215,6 +216,17 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_resets_and_comman
             seen.obeyed += u64::from(matches!(reply, Reply::Reset));
             seen.acknowledged += u64::from(matches!(reply, Reply::Acknowledged(true)));
             seen.refused += u64::from(matches!(reply, Reply::NoSuchSlot));
+            if let Reply::Saved(mut written, progress) = reply {
+                match progress {
+                    Progress::Whole => {
+                        seen.saved += 1;
+                        written.clear();
+                    }
+                    Progress::NoRoom => written.grow(),
+                    Progress::Unfinished => {}
+                }
+                snapshot = Some(written);
+            }
         }
         while let Ok(message) = receiver.pop() {
             if let Message::Record(_, record) = message {
@@ -234,6 +246,9 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_resets_and_comman
         seen.missing > 100 && seen.late > 10 && seen.isolated > 100,
         "{seen:?}"
     );
+    let commanded = TURNS / (2 * COURSE);
+    assert_eq!((seen.obeyed, seen.refused), (commanded, commanded), "{seen:?}");
+    assert!(seen.saved >= TURNS / SAVE_EVERY / 3, "{seen:?}");
     let table = stage.table();
     let states: Vec<AlarmState> = (1..=table.newest_alarm())
         .filter_map(|number| match table.read_alarm(number) {
@@ -250,8 +265,6 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_resets_and_comman
         let count = states.iter().filter(|seen| **seen == state).count();
         assert!(count >= 3, "{state:?}: {states:?}");
     }
-    let commanded = TURNS / (2 * COURSE);
-    assert_eq!((seen.obeyed, seen.refused), (commanded, commanded), "{seen:?}");
     assert!(seen.acknowledged >= 2, "{seen:?}");
     let sensors = stage.input_counters(0);
     for (name, value) in [

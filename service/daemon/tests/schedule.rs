@@ -11,8 +11,9 @@ use residual_shared::alarm::AlarmTransition;
 use residual_shared::sample::SampleHeader;
 use residuald::configuration::SignalReference;
 use residuald::lifecycle::{Enabling, Rules};
-use residuald::runtime::engine::{DiagnoserUnit, Engine, InboxOptions, RecordSink};
+use residuald::runtime::engine::{Engine, InboxOptions, RecordSink};
 use residuald::runtime::schedule::Timing;
+use residuald::runtime::unit::DiagnoserUnit;
 
 const EPOCH_NS: u64 = 1_000_000_000_000;
 const MILLISECOND: u64 = 1_000_000;
@@ -54,6 +55,10 @@ impl Diagnoser for Listener {
     }
 
     fn save(&self, _state: &mut Vec<u8>) {}
+
+    fn state_size(&self) -> usize {
+        0
+    }
 
     fn restore(&mut self, _state: &[u8]) -> Result<(), RestoreError> {
         Ok(())

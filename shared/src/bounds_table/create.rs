@@ -264,7 +264,7 @@ fn remove_stale(path: &Path) {
 }
 
 /// The id of this boot of the machine; 0 when the system does not tell.
-pub(super) fn boot_id() -> u128 {
+pub fn boot_id() -> u128 {
     let text = fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
     u128::from_str_radix(&text.trim().replace('-', ""), 16).unwrap_or(0)
 }

@@ -1,4 +1,4 @@
-//! The iceoryx2 services of an instance: samples in; step records and the news of alarms out; control requests and
+//! The iceoryx2 services of an instance: samples in, step records and the news of alarms out, control requests and
 //! answers.
 //!
 //! The daemon creates every service, so its limits hold; publishers and recorders only open. Everyone who may

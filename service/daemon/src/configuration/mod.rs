@@ -73,6 +73,10 @@ pub struct DaemonSection {
     pub alarm_capacity: u32,
     /// File with the gains of all diagnosers; `None`: they are found at the start.
     pub gains_file: Option<PathBuf>,
+    /// File that keeps the states of all diagnosers over a restart; `None`: every start is from nothing.
+    pub checkpoint_file: Option<PathBuf>,
+    /// Time from one checkpoint to the next, nanoseconds; `None`: one at the stop, and when asked for.
+    pub checkpoint_period_ns: Option<u64>,
 }
 
 impl DaemonSection {

@@ -29,6 +29,10 @@ pub(super) struct Daemon {
     pub alarm_capacity: u32,
     #[serde(default)]
     pub gains_file: Option<PathBuf>,
+    #[serde(default)]
+    pub checkpoint_file: Option<PathBuf>,
+    #[serde(default)]
+    pub checkpoint_period_s: Option<f64>,
 }
 
 /// A group by name or by number.

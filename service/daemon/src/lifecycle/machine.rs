@@ -137,6 +137,15 @@ impl Lifecycle {
         })
     }
 
+    /// The diagnoser is gone, and with it its alarm; the change if there was anything to clear.
+    pub fn withdraw(&mut self) -> Option<Change> {
+        let change = self.reset()?;
+        Some(Change {
+            flags: alarm_flags::WITHDRAWN,
+            ..change
+        })
+    }
+
     /// Whether start-up suppression covers the instant of `record`, which is counted.
     fn is_suppressed(&mut self, record: &StepRecord, evaluated: bool) -> bool {
         let instants = &mut self.state.instants;

@@ -47,6 +47,35 @@ impl LifecycleState {
         }
     }
 
+    /// Whether the bounds table shows the same of it.
+    pub fn agrees_with(&self, status: &AlarmStatus) -> bool {
+        let shown = Self::shown(status, self.isolated);
+        let visible = |state: &Self| (state.alarm, state.acknowledged, state.occurrences);
+        visible(self) == visible(&shown)
+    }
+
+    /// What the bounds table shows of it; no transition is its latest.
+    pub fn status(&self) -> AlarmStatus {
+        let acknowledged = u64::from(alarm_flags::ACKNOWLEDGED) * u64::from(self.acknowledged);
+        AlarmStatus {
+            state: self.alarm as u64,
+            flags: acknowledged,
+            occurrences: self.occurrences,
+            ..AlarmStatus::default()
+        }
+    }
+
+    /// The same for a diagnoser that begins afresh: earlier steps count no more.
+    pub fn without_steps(&self) -> Self {
+        Self {
+            alarm: self.alarm,
+            acknowledged: self.acknowledged,
+            occurrences: self.occurrences,
+            isolated: self.isolated,
+            ..Self::default()
+        }
+    }
+
     /// The same, as far as other rules permit: they may have changed since.
     pub(super) fn fitting(&self, rules: &Rules) -> Self {
         Self {

@@ -7,8 +7,9 @@ use residual_shared::alarm::{AlarmState, AlarmTransition, alarm_flags};
 use residual_shared::sample::SampleHeader;
 use residuald::configuration::SignalReference;
 use residuald::lifecycle::{ALL_CHANNELS, EnableCondition, Enabling, Rules};
-use residuald::runtime::engine::{DiagnoserUnit, Engine, InboxOptions, RecordSink};
+use residuald::runtime::engine::{Engine, InboxOptions, RecordSink};
 use residuald::runtime::schedule::Timing;
+use residuald::runtime::unit::DiagnoserUnit;
 
 const EPOCH_NS: u64 = 1_000_000_000_000;
 const PERIOD_NS: u64 = 10_000_000;
@@ -42,6 +43,10 @@ impl Diagnoser for Limit {
     }
 
     fn save(&self, _state: &mut Vec<u8>) {}
+
+    fn state_size(&self) -> usize {
+        0
+    }
 
     fn restore(&mut self, _state: &[u8]) -> Result<(), RestoreError> {
         Ok(())
