@@ -8,8 +8,8 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use residual_shared::control::{
-    Alarms, Answer, ChannelDescription, CheckpointOutcome, ControlError, Counter, DiagnoserDescription,
-    DiagnoserEntry, LIST_PAGE, Listing, ReloadOutcome, Request, Response, Which,
+    Alarms, Answer, Changes, ChannelDescription, CheckpointOutcome, ControlError, Counter,
+    DiagnoserDescription, DiagnoserEntry, LIST_PAGE, Listing, ReloadOutcome, Request, Response, Which,
 };
 use residual_shared::names::Instance;
 use residual_shared::transport::{self, ControlServer};
@@ -140,10 +140,13 @@ fn answer(request: Request) -> Answer {
             bytes: 345,
         }),
         Request::Reload => Response::Reload(ReloadOutcome {
-            kept: 1,
-            replaced: 2,
-            added: 3,
-            removed: 4,
+            diagnosers: Changes {
+                unchanged: 1,
+                changed: vec!["rear".into()],
+                added: vec!["left".into(), "right".into()],
+                ..Changes::default()
+            },
+            inputs: Changes::default(),
         }),
         Request::SetLogLevel { filter } => Response::LogLevel {
             before: "info".into(),
@@ -246,8 +249,13 @@ fn every_action_sends_its_request_and_shows_the_answer() {
         ),
         (
             &["reload"],
-            "1 diagnosers kept, 2 replaced, 3 added, 4 removed",
-            json!({ "kept": 1, "replaced": 2, "added": 3, "removed": 4 }),
+            "diagnosers: 1 unchanged, changed rear, added left right\ninputs: 0 unchanged\n",
+            json!({
+                "diagnosers": {
+                    "unchanged": 1, "changed": ["rear"], "added": ["left", "right"], "removed": [], "more": 0
+                },
+                "inputs": { "unchanged": 0, "changed": [], "added": [], "removed": [], "more": 0 }
+            }),
         ),
         (
             &["set-log-level", "debug"],

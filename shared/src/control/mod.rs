@@ -22,7 +22,7 @@ pub use encoding::{
 };
 pub use error::ControlError;
 pub use response::{
-    ChannelDescription, CheckpointOutcome, ControlCounters, Counter, DiagnoserDescription, DiagnoserEntry,
+    ChannelDescription, Changes, CheckpointOutcome, ControlCounters, Counter, DiagnoserDescription, DiagnoserEntry,
     LIST_PAGE, Listing, ReloadOutcome, Response,
 };
 

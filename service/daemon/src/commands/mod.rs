@@ -2,7 +2,7 @@
 
 mod achieved;
 pub mod check;
-mod descriptions;
+pub(crate) mod descriptions;
 pub mod design;
 pub mod explain;
 #[cfg(feature = "synthesis")]

@@ -15,7 +15,7 @@ use crate::replay::injection::{Fault, FaultError};
 use crate::replay::loss::{Loss, LossError};
 use crate::replay::mapping::{Mapping, MappingError, TimedSample};
 use crate::replay::recording::{ColumnRoles, Recording, RecordingError};
-use crate::replay::records::{RecordWriter, ReplayRecord, WriteError};
+use crate::replay::records::{RecordWriter, Replayed, WriteError};
 use crate::replay::report::Report;
 use crate::replay::run::Run;
 use crate::replay::selection::RunSelection;
@@ -187,8 +187,8 @@ impl Replay {
         samples
     }
 
-    /// Replays one run in this process; `take` gets every record.
-    pub fn simulate(&self, run: &Run, take: impl FnMut(ReplayRecord)) -> Result<(), ReplayError> {
+    /// Replays one run in this process; `take` gets every record and alarm.
+    pub fn simulate(&self, run: &Run, take: impl FnMut(Replayed)) -> Result<(), ReplayError> {
         let diagnosers = self.loaded.build_diagnosers()?;
         simulated::replay(&self.loaded.configuration, diagnosers, &self.samples(run), take);
         Ok(())
@@ -228,11 +228,14 @@ pub fn execute(arguments: &ReplayArguments) -> Result<(), ReplayError> {
         let onsets_ns = [injected_ns, run.labelled_onset_ns];
         report.begin(run, onsets_ns.into_iter().flatten().min());
         let mut failed = None;
-        let take = |replayed: ReplayRecord| {
-            report.take(run, &replayed);
-            if let (Some(writer), None) = (&mut writer, &failed) {
-                failed = writer.write(&run.name, &replayed).err();
+        let take = |replayed: Replayed| match replayed {
+            Replayed::Record(record) => {
+                report.take(run, &record);
+                if let (Some(writer), None) = (&mut writer, &failed) {
+                    failed = writer.write(&run.name, &record).err();
+                }
             }
+            Replayed::Alarm(_) => {}
         };
         if arguments.through_daemon {
             let samples = replay.samples(run);
