@@ -9,8 +9,8 @@ use miette::{IntoDiagnostic, Report};
 
 #[cfg(feature = "synthesis")]
 use crate::commands::identify;
-use crate::commands::{check, design, explain, replay, run};
 use crate::commands::run::RunOptions;
+use crate::commands::{check, design, explain, replay, run};
 use crate::configuration::Configuration;
 use crate::demo::conductor::DemoArguments;
 use crate::demo::publisher::PublisherArguments;

@@ -34,7 +34,7 @@ struct Vehicle {
 
 impl Vehicle {
     fn start(instance: &Instance, stuck: usize, has_altitude: bool) -> Self {
-        let vehicle = Self {
+        let mut vehicle = Self {
             stuck: Arc::new(AtomicUsize::new(stuck)),
             altitude: Arc::default(),
             end: Arc::default(),
@@ -63,10 +63,8 @@ impl Vehicle {
                 }
             }
         };
-        Self {
-            thread: Some(std::thread::spawn(publish)),
-            ..vehicle
-        }
+        vehicle.thread = Some(std::thread::spawn(publish));
+        vehicle
     }
 
     fn stick(&self, actuator: usize) {

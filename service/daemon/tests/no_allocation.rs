@@ -101,6 +101,7 @@ struct Seen {
     isolated: u64,
     obeyed: u64,
     saved: u64,
+    acknowledged: u64,
     refused: u64,
 }
 
@@ -180,16 +181,7 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_resets_and_comman
     let ticket = commands.ticket();
     let running = Arc::new(Running::new(loaded.configuration.clone(), &diagnosers));
     let life = Life::begin(&loaded.configuration.daemon, SPEED);
-    let mut steps = step_loop(
-        running,
-        diagnosers,
-        &life,
-        &node,
-        sender,
-        inbox,
-        &stop,
-    )
-    .unwrap();
+    let mut steps = step_loop(running, diagnosers, &life, &node, sender, inbox, &stop).unwrap();
     let mut drivers = Drivers::open(&stage.instance);
     let spec = stage.table().directory().spec.clone();
     let time: DaemonTime = spec.time;
@@ -222,6 +214,7 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_resets_and_comman
         }
         while let Some((_, reply)) = commands.reply() {
             seen.obeyed += u64::from(matches!(reply, Reply::Reset));
+            seen.acknowledged += u64::from(matches!(reply, Reply::Acknowledged(true)));
             seen.refused += u64::from(matches!(reply, Reply::NoSuchSlot));
             if let Reply::Saved(mut written, progress) = reply {
                 match progress {
@@ -272,6 +265,7 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_resets_and_comman
         let count = states.iter().filter(|seen| **seen == state).count();
         assert!(count >= 3, "{state:?}: {states:?}");
     }
+    assert!(seen.acknowledged >= 2, "{seen:?}");
     let sensors = stage.input_counters(0);
     for (name, value) in [
         ("non_finite", sensors.non_finite),

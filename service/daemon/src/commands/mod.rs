@@ -7,6 +7,7 @@ pub mod design;
 pub mod explain;
 #[cfg(feature = "synthesis")]
 pub mod identify;
+mod lifecycle;
 mod lines;
 pub mod replay;
 pub mod run;

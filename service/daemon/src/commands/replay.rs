@@ -9,6 +9,7 @@ use miette::Diagnostic;
 use residual_diagnosis::diagnoser::Description;
 
 use crate::configuration::{Configuration, ConfigurationError, Loaded};
+use crate::replay::alarms::AlarmWriter;
 use crate::replay::detection_table::TableFormat;
 use crate::replay::detections::Detections;
 use crate::replay::injection::{Fault, FaultError};
@@ -49,6 +50,9 @@ pub struct ReplayArguments {
     /// Write every record to this CSV file (one file per diagnoser when there are several).
     #[arg(long)]
     pub records: Option<PathBuf>,
+    /// Write every transition of an alarm to this CSV file.
+    #[arg(long)]
+    pub alarms: Option<PathBuf>,
     /// Leave out the line of each run; print the totals only.
     #[arg(long)]
     pub totals: bool,
@@ -219,6 +223,7 @@ pub fn execute(arguments: &ReplayArguments) -> Result<(), ReplayError> {
         .as_deref()
         .map(|path| RecordWriter::create(path, &descriptions))
         .transpose()?;
+    let mut alarms = arguments.alarms.as_deref().map(AlarmWriter::create).transpose()?;
 
     let mut report = Report::new(descriptions);
     let samples = replay.runs().iter().map(|run| run.rows.len() as u64).sum();
@@ -235,7 +240,12 @@ pub fn execute(arguments: &ReplayArguments) -> Result<(), ReplayError> {
                     failed = writer.write(&run.name, &record).err();
                 }
             }
-            Replayed::Alarm(_) => {}
+            Replayed::Alarm(transition) => {
+                report.take_alarm(run, &transition);
+                if let (Some(alarms), None) = (&mut alarms, &failed) {
+                    failed = alarms.write(&run.name, report.diagnosers(), &transition).err();
+                }
+            }
         };
         if arguments.through_daemon {
             let samples = replay.samples(run);
@@ -264,6 +274,7 @@ pub fn execute(arguments: &ReplayArguments) -> Result<(), ReplayError> {
         None => report.totals(),
     });
     writer.map_or(Ok(()), RecordWriter::finish)?;
+    alarms.map_or(Ok(()), AlarmWriter::finish)?;
     Ok(())
 }
 

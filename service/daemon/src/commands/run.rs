@@ -167,7 +167,12 @@ pub fn step_loop<'a>(
         .map(|input| Subscription::create(node, configuration, input))
         .collect::<Result<Vec<_>, _>>()?;
     let grid = life.grid;
-    let spec = table_spec(configuration, &descriptions(&diagnosers), grid.time, grid.epoch_ns);
+    let spec = table_spec(
+        configuration,
+        &descriptions(&diagnosers),
+        grid.time,
+        grid.epoch_ns,
+    );
     let mut engine = assemble(configuration, diagnosers, grid.epoch_ns, grid.time.speed);
     life.resume(&mut engine, &running);
     let access = Access {

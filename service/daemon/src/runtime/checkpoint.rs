@@ -230,7 +230,10 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let message = |error: CheckpointError| error.to_string();
         let refused = message(Checkpoint::read(directory.path()).unwrap_err());
-        assert!(refused.contains(&directory.path().display().to_string()), "{refused}");
+        assert!(
+            refused.contains(&directory.path().display().to_string()),
+            "{refused}"
+        );
         assert!(refused.contains("not a file"), "{refused}");
         let missing = directory.path().join("none").join("state");
         let refused = message(checkpoint().write(&missing).unwrap_err());

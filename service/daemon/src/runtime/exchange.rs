@@ -128,7 +128,9 @@ impl StepLoop<'_> {
             exchange.replaced = Some(std::mem::replace(&mut self.publication.table, table));
         }
         let now_ns = self.time.now_ns();
-        exchange.engine.take_over(&mut self.engine, &exchange.same, now_ns);
+        exchange
+            .engine
+            .take_over(&mut self.engine, &exchange.same, now_ns);
         std::mem::swap(&mut self.engine, &mut exchange.engine);
         std::mem::swap(&mut self.running, &mut exchange.running);
         if let Some(replaced) = &exchange.replaced {

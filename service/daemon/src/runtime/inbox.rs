@@ -156,7 +156,9 @@ impl Inbox {
         let sequence = header.sequence;
         match self.state.last_sequence {
             Some(last) if last.publisher == publisher => {
-                let newer_stamp = self.state.newest_stamp_ns
+                let newer_stamp = self
+                    .state
+                    .newest_stamp_ns
                     .is_none_or(|newest| header.timestamp_ns > newest);
                 if sequence == last.sequence || (sequence < last.sequence && !newer_stamp) {
                     let overtaken = self.rollback_ns > 0 && !self.holds(sequence);
@@ -197,7 +199,8 @@ impl Inbox {
         let stamp = header.timestamp_ns;
         let capacity = self.state.stamps.len();
         if self.state.len == capacity {
-            if self.state.stamps[self.state.first] > self.state.handed_until_ns.max(self.state.seen_until_ns) {
+            if self.state.stamps[self.state.first] > self.state.handed_until_ns.max(self.state.seen_until_ns)
+            {
                 self.state.counters.overwritten += 1;
             }
             self.state.first = (self.state.first + 1) % capacity;
@@ -388,6 +391,20 @@ mod tests {
         send(&mut inbox, 1, 20, &[1.0, 1.0]);
         send(&mut inbox, 2, 21, &[1.0, 1.0]);
         assert_eq!((inbox.counters().late, inbox.counters().accepted), (1, 3));
+    }
+
+    #[test]
+    fn the_newest_sample_is_given_however_old_and_makes_nothing_late() {
+        let mut inbox = inbox();
+        assert_eq!(inbox.newest(5), None);
+        send(&mut inbox, 0, 10, &[1.0, 2.0]);
+        assert_eq!(inbox.newest(9), None);
+        assert_eq!(inbox.newest(500), Some(&[1.0, 2.0][..]));
+        for sequence in 1..9 {
+            send(&mut inbox, sequence, 20 + sequence, &[sequence as f64, 0.0]);
+        }
+        assert_eq!(inbox.newest(25), Some(&[5.0, 0.0][..]));
+        assert_eq!((inbox.counters().late, inbox.counters().overwritten), (0, 0));
     }
 
     #[test]

@@ -42,7 +42,9 @@ impl Life {
     pub fn begin(daemon: &DaemonSection, speed: f64) -> Self {
         let checkpoint = checkpoint(daemon).filter(|checkpoint| goes_on(checkpoint, daemon, speed));
         let time = DaemonTime {
-            origin_ns: checkpoint.as_ref().map_or_else(monotonic_ns, |found| found.origin_ns),
+            origin_ns: checkpoint
+                .as_ref()
+                .map_or_else(monotonic_ns, |found| found.origin_ns),
             speed,
         };
         let epoch_ns = match &checkpoint {
@@ -73,7 +75,10 @@ impl Life {
                 && !engine.restore_input(input, part)
             {
                 let input = &identity.name;
-                warn!(input, "its part of the checkpoint {file} is damaged; the input begins empty");
+                warn!(
+                    input,
+                    "its part of the checkpoint {file} is damaged; the input begins empty"
+                );
             }
         }
         let mut resumed = 0;
@@ -93,10 +98,17 @@ impl Life {
                 }
                 None => "it was not there then".into(),
             };
-            warn!(diagnoser, "begins afresh, not from the checkpoint {file}: {refused}");
+            warn!(
+                diagnoser,
+                "begins afresh, not from the checkpoint {file}: {refused}"
+            );
             engine.begin_at(slot, now_ns);
         }
-        info!(resumed, of = running.identities.diagnosers.len(), "states taken from the checkpoint {file}");
+        info!(
+            resumed,
+            of = running.identities.diagnosers.len(),
+            "states taken from the checkpoint {file}"
+        );
     }
 }
 
@@ -135,7 +147,10 @@ fn goes_on(checkpoint: &Checkpoint, daemon: &DaemonSection, speed: f64) -> bool 
         return true;
     };
     let path = daemon.checkpoint_file.as_deref().unwrap_or_else(|| "".as_ref());
-    warn!("starting afresh, not from the checkpoint {}: {reason}", path.display());
+    warn!(
+        "starting afresh, not from the checkpoint {}: {reason}",
+        path.display()
+    );
     false
 }
 

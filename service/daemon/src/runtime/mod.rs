@@ -22,12 +22,10 @@
 //! | [`upkeep`], [`reload`] | the long tasks: checkpoint, reload |
 //! | [`running`], [`life`] | the configuration in force; where a life of the daemon begins |
 //! | [`companion`] | everything slow: recorders, log, control requests, cleaning |
-//! | [`alarm_watch`] | the companion's view of the alarms: log, iceoryx2 events |
 //! | [`resume`] | alarms go on over a restart |
 //! | [`real_time`] | scheduling policy, processor, locked memory |
 //! | [`lock`] | one daemon per instance |
 
-pub mod alarm_watch;
 pub mod assembler;
 pub mod checkpoint;
 pub mod command;
@@ -40,8 +38,8 @@ pub mod live;
 pub mod lock;
 pub mod real_time;
 pub mod reload;
-pub mod running;
 pub mod resume;
+pub mod running;
 pub mod schedule;
 pub mod snapshot;
 pub mod take_over;

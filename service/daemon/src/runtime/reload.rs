@@ -152,7 +152,12 @@ fn prepare(
     let configuration = &new.configuration;
     let daemon = &configuration.daemon;
     let introduction = introduction(configuration, &diagnosers);
-    let spec = table_spec(configuration, &descriptions(&diagnosers), grid.time, grid.epoch_ns);
+    let spec = table_spec(
+        configuration,
+        &descriptions(&diagnosers),
+        grid.time,
+        grid.epoch_ns,
+    );
     let access = Access {
         group: daemon.group,
         mode: daemon.mode,
@@ -214,11 +219,7 @@ fn told(error: &ConfigurationError) -> String {
         let (line, column, message) = (mistake.line, mistake.column, &mistake.message);
         let help = mistake.help.as_deref().map(|help| format!("; {help}"));
         // Writing to a text cannot fail.
-        let _ = write!(
-            text,
-            "\n{line}:{column}: {message}{}",
-            help.unwrap_or_default()
-        );
+        let _ = write!(text, "\n{line}:{column}: {message}{}", help.unwrap_or_default());
     }
     if mistakes.len() > MISTAKES_TOLD {
         let _ = write!(text, "\nand {} more", mistakes.len() - MISTAKES_TOLD);

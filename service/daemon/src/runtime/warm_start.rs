@@ -58,7 +58,8 @@ impl Engine {
         let unit = self.units.get_mut(slot).ok_or(NoWarmStart::Damaged)?;
         let (state, own) = read::<UnitState<AssemblerState>>(part).ok_or(NoWarmStart::Damaged)?;
         // An instant whose step is not due yet has not passed.
-        let first_step = (unit.timing).first_step_from(epoch_ns, now_ns.saturating_sub(unit.timing.margin_ns));
+        let first_step =
+            (unit.timing).first_step_from(epoch_ns, now_ns.saturating_sub(unit.timing.margin_ns));
         // The step that is due now may have been done.
         let gap = match first_step.checked_sub(state.next_step) {
             Some(gap) => gap,

@@ -49,8 +49,5 @@ pub fn allocations<T>(action: impl FnOnce() -> T) -> (u64, T) {
 
 #[test]
 fn the_counter_counts() {
-    assert_eq!(
-        allocations(|| drop(std::hint::black_box(vec![1_u8; 100]))).0,
-        2
-    );
+    assert_eq!(allocations(|| drop(std::hint::black_box(vec![1_u8; 100]))).0, 2);
 }

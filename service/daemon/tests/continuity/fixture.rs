@@ -1,7 +1,7 @@
 //! All methods together in one engine, and samples of their plants.
 
 use std::path::Path;
-use std::sync::LazyLock;
+use std::sync::{LazyLock, Mutex};
 
 use residual_diagnosis::method::Designed;
 use residual_shared::alarm::AlarmTransition;
@@ -70,23 +70,23 @@ impl RecordSink for Records {
     }
 }
 
-static ALL: LazyLock<Setup> = LazyLock::new(|| {
+static ALL: LazyLock<Mutex<Setup>> = LazyLock::new(|| {
     let examples: Vec<_> = scenario::of_all_methods()
         .iter()
         .map(|scenario| scenario.example)
         .collect();
     let composed = compose(&examples, &"all".parse().unwrap(), Path::new("all.gains.toml")).unwrap();
     let loaded = Configuration::from_text("all", &composed.configuration).unwrap();
-    Setup {
+    Mutex::new(Setup {
         diagnosers: loaded.on_gains("all.gains.toml", &composed.gains).unwrap(),
         configuration: loaded.configuration,
-    }
+    })
 });
 
 impl Setup {
     /// All methods.
     pub fn all() -> Self {
-        ALL.clone()
+        ALL.lock().unwrap().clone()
     }
 
     /// The inputs and some of the diagnosers of this one, each in the given order.
@@ -109,8 +109,10 @@ impl Setup {
             renumber(&mut diagnoser.measurements);
             renumber(&mut diagnoser.commands);
             for condition in &mut diagnoser.lifecycle.enable {
-                condition.signal.input =
-                    inputs.iter().position(|&input| input == condition.signal.input).unwrap();
+                condition.signal.input = inputs
+                    .iter()
+                    .position(|&input| input == condition.signal.input)
+                    .unwrap();
             }
         }
         Self {

@@ -60,9 +60,7 @@ fn of_unchanged(all: &Setup, records: Records) -> Vec<Said> {
         .collect();
     let mut list = records.list;
     list.retain(|said| names.contains(&said.diagnoser.as_str()));
-    list.sort_by(|one, other| {
-        (&one.diagnoser, one.record.step).cmp(&(&other.diagnoser, other.record.step))
-    });
+    list.sort_by(|one, other| (&one.diagnoser, one.record.step).cmp(&(&other.diagnoser, other.record.step)));
     list
 }
 
@@ -72,7 +70,9 @@ fn alarms_of_unchanged(all: &Setup, records: &Records) -> Vec<String> {
         .map(|diagnoser| diagnoser.name.as_str())
         .collect();
     let alarms = records.alarms.iter();
-    let mut list: Vec<_> = alarms.filter(|(name, _)| names.contains(&name.as_str())).collect();
+    let mut list: Vec<_> = alarms
+        .filter(|(name, _)| names.contains(&name.as_str()))
+        .collect();
     list.sort_by_key(|(name, _)| name);
     list.iter().map(|alarm| format!("{alarm:?}")).collect()
 }
@@ -180,7 +180,10 @@ fn a_changed_diagnoser_begins_afresh_with_the_instant_that_would_have_been_the_n
     let mut withdrawn = Vec::new();
     engine.withdraw_alarms(|slot, transition| withdrawn.push((slot, transition)));
     let states = last_states(&records);
-    assert!(states.iter().any(|state| *state != AlarmState::Cleared), "{states:?}");
+    assert!(
+        states.iter().any(|state| *state != AlarmState::Cleared),
+        "{states:?}"
+    );
     for (slot, state) in states.iter().enumerate() {
         let transition = withdrawn.iter().find(|(withdrawn, _)| *withdrawn == slot);
         assert_eq!(transition.is_some(), *state != AlarmState::Cleared, "{slot}");

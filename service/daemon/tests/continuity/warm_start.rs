@@ -32,7 +32,10 @@ fn restored(setup: &Setup, snapshot: &Snapshot, now_ns: u64, skipped: impl Fn(u6
     }
     for (slot, part) in diagnosers.iter().enumerate() {
         let period_ns = setup.configuration.diagnosers[slot].period_ns;
-        assert_eq!(engine.restore_diagnoser(slot, part, now_ns), Ok(skipped(period_ns)));
+        assert_eq!(
+            engine.restore_diagnoser(slot, part, now_ns),
+            Ok(skipped(period_ns))
+        );
     }
     engine
 }
@@ -102,7 +105,8 @@ fn instants_that_passed_are_skipped_as_they_are_by_an_engine_that_stood_still() 
     }
     let mut by_diagnoser = |name: &str| {
         let own = |list: &mut Vec<crate::fixture::Said>| {
-            list.extract_if(.., |said| said.diagnoser == name).collect::<Vec<_>>()
+            list.extract_if(.., |said| said.diagnoser == name)
+                .collect::<Vec<_>>()
         };
         (own(&mut records.list), own(&mut expected.list))
     };
@@ -124,12 +128,18 @@ fn a_state_is_too_old_after_a_minute_and_the_diagnoser_is_as_it_was() {
     let parts = parts(snapshot.bytes()).unwrap();
     let mut late = setup.engine();
     let too_old = late.restore_diagnoser(0, parts[0], EPOCH_NS + LONGEST_GAP_NS + 2 * SECOND_NS);
-    assert!(matches!(too_old, Err(NoWarmStart::TooLongAgo { .. })), "{too_old:?}");
+    assert!(
+        matches!(too_old, Err(NoWarmStart::TooLongAgo { .. })),
+        "{too_old:?}"
+    );
     assert_eq!(late.schedule_counters().next().unwrap().skipped, 0);
     late.begin_at(0, EPOCH_NS + SECOND_NS);
     let mut records = setup.records();
     step_before(&mut late, EPOCH_NS + 2 * SECOND_NS, &mut records);
-    let first = records.list.iter().find(|said| said.diagnoser == records.names[0]);
+    let first = records
+        .list
+        .iter()
+        .find(|said| said.diagnoser == records.names[0]);
     let record = &first.unwrap().record;
     assert_eq!(record.instant_ns, EPOCH_NS + SECOND_NS);
     assert_eq!(record.skipped_instants, 0);
@@ -210,6 +220,10 @@ fn a_snapshot_with_room_is_written_a_part_at_a_time_between_steps_without_alloca
             Progress::Unfinished => {}
         }
     }
-    assert_eq!(calls, count + 1, "one part a call, and one that finds nothing left");
+    assert_eq!(
+        calls,
+        count + 1,
+        "one part a call, and one that finds nothing left"
+    );
     assert_eq!(written.bytes(), snapshot(&engine).bytes());
 }

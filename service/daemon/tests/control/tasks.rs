@@ -8,10 +8,10 @@ use residual_client::{CheckpointOutcome, Control, ControlError, ReloadOutcome, R
 use residual_shared::control::Answer;
 use residuald::logging;
 use residuald::runtime::command::{self, Command, CommandInbox, Reply};
-use residuald::runtime::companion::{Companion, Identity, LogNames, Task, Work};
+use residuald::runtime::companion::{Companion, Identity, Introduction, LogNames, Task, Work};
 
 use super::control;
-use super::support::{PATIENCE, Stage, wait_until};
+use super::support::{PATIENCE, Stage, wait_for};
 
 /// A companion whose diagnosers are called `a` and `b`, and the step thread's end of its commands.
 fn companion(stage: &Stage, work: Work) -> (Companion, CommandInbox) {
@@ -22,20 +22,23 @@ fn companion(stage: &Stage, work: Work) -> (Companion, CommandInbox) {
         ..Default::default()
     };
     let control = residuald::runtime::companion::Control {
+        commands,
+        log,
+        work,
+        due: Box::new(|| None),
+    };
+    let introduction = Introduction {
+        names: LogNames {
+            diagnosers: vec![],
+            inputs: vec![],
+        },
         identity: Identity {
             program: "test".into(),
             diagnosers: vec![named("a"), named("b")],
         },
-        commands,
-        log,
-        work,
-    };
-    let names = LogNames {
-        diagnosers: vec![],
-        inputs: vec![],
     };
     let (_, queue) = rtrb::RingBuffer::new(1);
-    let companion = Companion::start(stage.instance.clone(), names, queue, control).unwrap();
+    let companion = Companion::start(stage.instance.clone(), introduction, queue, control).unwrap();
     (companion, inbox)
 }
 
@@ -54,14 +57,8 @@ fn ask<T: Send + 'static>(
 
 /// Obeys the next command.
 fn obey(inbox: &mut CommandInbox, reply: impl Fn(&Command) -> Reply) {
-    let mut obeyed = 0;
-    wait_until("a command", || {
-        inbox.take(|command| {
-            obeyed += 1;
-            reply(&command)
-        });
-        obeyed > 0
-    });
+    let (ticket, command) = wait_for("a command", || inbox.next());
+    inbox.reply(ticket, reply(&command));
 }
 
 #[test]
@@ -78,7 +75,7 @@ fn one_task_runs_at_a_time_gives_commands_and_reports_its_outcome_while_other_re
                 bytes: 3,
             })),
             (Task::Reload, Reply::NoSuchSlot) => Ok(Response::Reload(ReloadOutcome::default())),
-            other => panic!("{other:?}"),
+            _ => panic!("neither a checkpoint nor a reload"),
         }
     });
     let (companion, mut inbox) = companion(&stage, work);
@@ -130,18 +127,13 @@ fn a_step_thread_that_does_not_obey_is_reported_and_its_late_reply_disturbs_noth
         "{error}"
     );
     let next = ask(&stage, |control| control.acknowledge("b"));
-    let mut commands = Vec::new();
-    wait_until("three commands", || {
-        inbox.take(|command| {
-            commands.push(format!("{command:?}"));
-            match command {
-                Command::Acknowledge(_) => Reply::Acknowledged(true),
-                _ => Reply::Reset,
-            }
+    for number in 0..3 {
+        obey(&mut inbox, |command| match (number, command) {
+            (0, Command::Reset(0)) | (1, Command::Reset(1)) => Reply::Reset,
+            (2, Command::Acknowledge(1)) => Reply::Acknowledged(true),
+            _ => panic!("another command, or out of order"),
         });
-        commands.len() >= 3
-    });
-    assert_eq!(commands, ["Reset(0)", "Reset(1)", "Acknowledge(1)"]);
+    }
     assert!(next.join().unwrap().unwrap());
     let counters = companion.finish();
     assert_eq!((counters.answered, counters.timed_out), (1, 1));

@@ -142,7 +142,10 @@ fn signals(
 }
 
 /// Finds the signal that is written as "input.signal"; otherwise what is wrong and what to do.
-pub(super) fn signal(reference: &str, inputs: &[InputConfiguration]) -> Result<SignalReference, (String, String)> {
+pub(super) fn signal(
+    reference: &str,
+    inputs: &[InputConfiguration],
+) -> Result<SignalReference, (String, String)> {
     let Some((input_name, signal_name)) = reference.split_once('.') else {
         let written = |input: &InputConfiguration| {
             input

@@ -26,27 +26,17 @@ pub(super) fn lifecycle(
     let raise_steps = section.raise_steps.unwrap_or(default.raise_steps);
     let raise_window = section.raise_window.unwrap_or(raise_steps);
     let window = u64::from(MAX_WINDOW);
-    let window_key = if section.raise_window.is_some() {
-        "raise_window"
-    } else {
-        "raise_steps"
-    };
     let before = mistakes.len();
-    check_range(
-        &at("raise_steps"),
-        u64::from(raise_steps).min(window),
-        1,
-        window,
-        "number of violations",
-        mistakes,
-    );
-    if raise_steps > 0 {
+    let what = "number of violations";
+    check_range(&at("raise_steps"), raise_steps.into(), 1, window, what, mistakes);
+    if section.raise_window.is_some() {
+        let what = "length of the window in steps";
         check_range(
-            &at(window_key),
+            &at("raise_window"),
             raise_window.into(),
             1,
             window,
-            "length of the window in steps",
+            what,
             mistakes,
         );
     }

@@ -327,10 +327,7 @@ impl ControlDesk {
         pending.outstanding -= 1;
         pending.done += match reply {
             Reply::Reset | Reply::Acknowledged(true) => 1,
-            Reply::Acknowledged(false)
-            | Reply::NoSuchSlot
-            | Reply::Saved(..)
-            | Reply::Exchanged(..) => 0,
+            Reply::Acknowledged(false) | Reply::NoSuchSlot | Reply::Saved(..) | Reply::Exchanged(..) => 0,
         };
     }
 

@@ -7,7 +7,7 @@
 //! | [`control`] | answers control requests, through commands to the step thread where need be |
 //! | [`task`] | work for a control request that takes long, on a thread of its own |
 //!
-//! It tells alarms to the log and to listeners of iceoryx2 ([`alarm_watch`](super::alarm_watch)), which wake it at once,
+//! It tells alarms to the log and to listeners of iceoryx2 ([`alarms`]), which wake it at once,
 //! and clears away dead iceoryx2 nodes.
 
 use std::sync::Arc;
@@ -22,12 +22,13 @@ use residual_shared::transport::{self, AlarmNotifier, ControlServer, RecordPubli
 use rtrb::Consumer;
 use tracing::warn;
 
-use super::alarm_watch::AlarmWatch;
 use super::live::CounterReport;
+use alarms::AlarmWatch;
 use control::ControlDesk;
 use log::ChangeLog;
 use records::RecordRelay;
 
+mod alarms;
 mod control;
 mod log;
 mod records;

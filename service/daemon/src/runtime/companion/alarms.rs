@@ -14,10 +14,10 @@ use residual_shared::record::Verdict;
 use residual_shared::transport::AlarmNotifier;
 use tracing::{info, warn};
 
-use super::companion::fault_names;
+use super::fault_names;
 
 /// Follows the alarm ring of the daemon it lives in, over every table that the daemon makes.
-pub struct AlarmWatch {
+pub(super) struct AlarmWatch {
     instance: Instance,
     notifier: AlarmNotifier,
     table: Option<TableReader>,
@@ -30,7 +30,7 @@ pub struct AlarmWatch {
 
 impl AlarmWatch {
     /// A watch that finds the table once it is there.
-    pub fn new(instance: Instance, notifier: AlarmNotifier) -> Self {
+    pub(super) fn new(instance: Instance, notifier: AlarmNotifier) -> Self {
         Self {
             instance,
             notifier,
@@ -42,7 +42,7 @@ impl AlarmWatch {
     }
 
     /// Sleeps until there is an alarm that was not looked at, at most `timeout`.
-    pub fn wait(&self, timeout: Duration) {
+    pub(super) fn wait(&self, timeout: Duration) {
         match &self.table {
             Some(table) => table.wait_for_alarm(self.seen, timeout),
             None => std::thread::sleep(timeout),
@@ -50,7 +50,7 @@ impl AlarmWatch {
     }
 
     /// Tells every alarm that has come since the last time.
-    pub fn look(&mut self) {
+    pub(super) fn look(&mut self) {
         self.tell();
         let open = |table: &TableReader| table.liveness(monotonic_ns()) != Liveness::Closed;
         if !self.table.as_ref().is_some_and(open) && self.find() {
