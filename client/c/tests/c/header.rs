@@ -17,7 +17,7 @@ fn the_header_is_that_of_the_code() {
     let header = fs::read_to_string(&path).unwrap_or_default();
     assert!(
         header == generated,
-        "{} is not that of the code; run `RESIDUAL_WRITE_GENERATED=1 cargo test -p residual-client-c --test header`",
+        "{} is not that of the code; run `RESIDUAL_WRITE_GENERATED=1 cargo test -p residual-client-c --test c`",
         path.display()
     );
 }
