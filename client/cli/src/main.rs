@@ -2,6 +2,7 @@
 
 mod alarms;
 mod arguments;
+mod ctl;
 mod error;
 mod instances;
 mod number;
@@ -34,6 +35,7 @@ fn run(arguments: &Arguments) -> Result<u8, Error> {
     let open = |name: &Option<_>| -> Result<Monitor, Error> { Ok(Monitor::open(&choose(name)?)?) };
     match &arguments.command {
         Command::Status { instance, json } => status::run(&mut open(instance)?, *json),
+        Command::Ctl(control) => ctl::run(control, &arguments.runtime_directory),
         Command::Watch { instance, options } => watch::run(&mut open(instance)?, options),
         Command::Alarms(options) => alarms::run(&choose(&options.instance)?, options),
     }

@@ -2,10 +2,12 @@
 
 mod achieved;
 pub mod check;
+pub(crate) mod descriptions;
 pub mod design;
 pub mod explain;
 #[cfg(feature = "synthesis")]
 pub mod identify;
+mod lifecycle;
 mod lines;
 pub mod replay;
 pub mod run;
