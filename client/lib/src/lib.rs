@@ -142,3 +142,8 @@ pub use residual_shared::record::{Channel, MAX_CHANNELS, MAX_FAULTS, StepRecord,
 pub use residual_shared::transport::{RecordHeader, RequestError, TransportError};
 #[cfg(feature = "transport")]
 pub use step_records::{RecordCounts, StepRecords};
+
+/// What the project's front page shows of Rust compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../../../README.md")]
+struct FrontPage;

@@ -7,6 +7,7 @@ use std::process::{Child, ChildStdout, Command, Stdio};
 use residual_client::{Instance, RUNTIME_DIRECTORY_VARIABLE, StepRecord, Verdict, monotonic_ns};
 
 use super::compiler::{Linked, compile};
+use super::front_page;
 use super::support::{daemon, instance, spec, transition};
 
 /// A running example, ended with the test.
@@ -89,4 +90,16 @@ fn alarms_prints_transitions_gaps_and_what_comes_after_a_restart() {
     let mut second = daemon(&instance, &spec(&["b"], 16));
     let number = second.raise(&transition(0, 1));
     example.lines_until(&format!("{number}: b isolated"));
+}
+
+#[test]
+fn the_program_of_the_front_page_prints_record_and_alarms() {
+    let (folder, program) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let source = folder.path().join("front_page.c");
+    std::fs::write(&source, front_page::program("c")).unwrap();
+    let Some(program) = compile(source.to_str().unwrap(), Linked::Dynamically, &program) else {
+        return;
+    };
+    let output = front_page::run(&mut Command::new(program));
+    assert_eq!(output, "fresh: ratio 0.25\n1: steering\n2: steering\n");
 }

@@ -5,6 +5,8 @@ extern crate residual as residual_client;
 
 #[path = "../../../lib/tests/support/dump.rs"]
 mod dump;
+#[path = "../../../lib/tests/support/front_page.rs"]
+mod front_page;
 #[path = "../../../lib/tests/support/scenes.rs"]
 mod scenes;
 #[path = "../../../lib/tests/support/mod.rs"]

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use residual_client::{Instance, StepRecord, Verdict, monotonic_ns};
 
+use super::front_page;
 use super::support::{daemon, instance, spec, transition};
 
 /// Runs `python3 -m residual_client`: all that it wrote, and its exit code.
@@ -103,4 +104,15 @@ print(time.monotonic() - begin)
     let waited: f64 = lines.next().unwrap().parse().unwrap();
     assert!(waited < 10.0, "{waited}");
     assert!(child.wait().unwrap().success());
+}
+
+#[test]
+fn the_program_of_the_front_page_prints_record_and_alarms() {
+    let Some(mut python) = super::python() else { return };
+    let output = front_page::run(python.args(["-c", &front_page::program("python")]));
+    assert!(
+        output.starts_with("fresh: (0, Channel(lower=-1.0, residual=0.25, upper=1.0, ratio=0.25))\n"),
+        "{output}"
+    );
+    assert_eq!(output.matches("\nTransition(").count(), 2, "{output}");
 }

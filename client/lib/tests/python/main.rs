@@ -7,6 +7,9 @@ mod support;
 #[path = "../support/dump.rs"]
 mod dump;
 
+#[path = "../support/front_page.rs"]
+mod front_page;
+
 #[path = "../support/scenes.rs"]
 mod scenes;
 
