@@ -120,6 +120,27 @@ static void print_alarm(residual_alarm_listener *listener)
     }
 }
 
+static void account(residual_alarm_listener *listener, uint64_t last)
+{
+    residual_alarm_event event;
+    uint64_t seen = 0, missing = 0;
+
+    while (seen + missing < last) {
+        uint64_t next = seen + missing + 1;
+        check(residual_alarm_listener_next(listener, 0, UINT64_C(20000000000), &event), RESIDUAL_STATUS_OK);
+        if (event.kind == RESIDUAL_ALARM_EVENT_KIND_TRANSITION && event.transition.number.number == next
+            && event.transition.step == next) {
+            seen++;
+        } else if (event.kind == RESIDUAL_ALARM_EVENT_KIND_GAP && event.first == next && event.last >= next) {
+            missing += event.last - event.first + 1;
+        } else {
+            fprintf(stderr, "dump: not %" PRIu64 "\n", next);
+            exit(1);
+        }
+    }
+    printf("%" PRIu64 " %" PRIu64 "\n", seen, missing);
+}
+
 /* What a careless caller does is answered by a code and a text. */
 static void check_mistakes(const char *directory, residual_monitor *monitor)
 {
@@ -163,6 +184,7 @@ int main(int count, char **arguments)
     residual_alarm_number after;
     char line[64];
     unsigned events;
+    uint64_t last;
 
     if (count != 5)
         return 2;
@@ -176,6 +198,8 @@ int main(int count, char **arguments)
         if (sscanf(line, "alarms %u", &events) == 1)
             while (events-- > 0)
                 print_alarm(listener);
+        else if (sscanf(line, "account %" SCNu64, &last) == 1)
+            account(listener, last);
         else
             print_records(monitor);
         printf(".\n");

@@ -46,6 +46,19 @@ def alarm(event: object) -> None:
         print("new numbering", event.previous, event.origin)
 
 
+def account(listener: AlarmListener, last: int) -> None:
+    seen = missing = 0
+    while seen + missing < last:
+        event = listener.wait(20.0)
+        if isinstance(event, Transition):
+            assert event.number.number == event.step == seen + missing + 1
+            seen += 1
+        else:
+            assert isinstance(event, Gap) and event.first == seen + missing + 1, event
+            missing += event.last - event.first + 1
+    print(seen, missing)
+
+
 instance, directory, epoch, number = sys.argv[1:]
 monitor = Monitor(instance, directory)
 listener = AlarmListener(instance, directory, start=AlarmNumber(int(epoch), int(number)))
@@ -53,6 +66,8 @@ for line in sys.stdin:
     command, *arguments = line.split()
     if command == "records":
         records(monitor)
+    elif command == "account":
+        account(listener, int(arguments[0]))
     else:
         for _ in range(int(arguments[0])):
             alarm(listener.wait(20.0))

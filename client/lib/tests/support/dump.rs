@@ -7,6 +7,7 @@
 //! |---|---|
 //! | `records` | daemon state and epoch, each diagnoser with channels, faults and its newest record |
 //! | `alarms N` | the next N events, for each of which it waits up to 20 s |
+//! | `account N` | hears events up to number N, each of which must follow on the one before: how many came, how many lie in gaps |
 //!
 //! Numbers with a fraction are written as the 16 hexadecimal digits of their bits.
 

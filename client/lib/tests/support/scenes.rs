@@ -139,3 +139,36 @@ pub fn alarms_are_heard_over_gaps_and_restarts(client: &mut Command) {
         "{heard}"
     );
 }
+
+/// While the daemon writes, is killed and started again, each number comes once or lies in one gap.
+pub fn every_number_is_accounted_for(client: &mut Command) {
+    const TOTAL: u64 = 40_000;
+    let (_directory, instance) = instance();
+    let mut writer = daemon(&instance, &spec(&["a"], 64));
+    let mut dump = Dump::start(client, &instance, writer.epoch(), 0);
+    let answer = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            for step in 1..=TOTAL {
+                writer.raise(&transition(0, step));
+                // Bursts of a length that the client can take, and of one that it cannot.
+                if step % 50 == 0 && step % 10_000 < 2_000 {
+                    std::thread::sleep(std::time::Duration::from_millis(2));
+                }
+                if step % 10_000 == 0 {
+                    let next = daemon(&instance, &spec(&["a"], 64));
+                    std::mem::forget(std::mem::replace(&mut writer, next));
+                }
+            }
+        });
+        dump.ask(&format!("account {TOTAL}"))
+    });
+    let counts: Vec<u64> = answer
+        .split_whitespace()
+        .map(|word| word.parse().unwrap())
+        .collect();
+    let [seen, missing] = counts[..] else {
+        panic!("{answer}")
+    };
+    assert_eq!(seen + missing, TOTAL);
+    assert!(seen >= 64 && missing > 0, "{answer}");
+}
