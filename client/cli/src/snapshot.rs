@@ -15,10 +15,12 @@ use crate::number::Number;
 #[derive(Debug, Serialize)]
 pub struct Snapshot {
     pub instance: String,
-    /// `running`, `hung` or `closed`.
+    /// `running`, `hung`, `closed`, or `unreachable`: its newest table cannot be opened.
     pub daemon: &'static str,
     pub pid: u32,
     pub epoch: u64,
+    /// The moment, nanoseconds of the daemon's time.
+    pub now_ns: u64,
     pub diagnosers: Vec<DiagnoserView>,
     pub inputs: Vec<InputView>,
 }
@@ -84,7 +86,8 @@ impl Snapshot {
         let daemon = match monitor.state() {
             DaemonState::Running => "running",
             DaemonState::Hung(_) => "hung",
-            DaemonState::Closed | DaemonState::Unreachable(_) | DaemonState::Unknown => "closed",
+            DaemonState::Closed | DaemonState::Unknown => "closed",
+            DaemonState::Unreachable(_) => "unreachable",
         };
         let Some(table) = monitor.table() else {
             return Ok(None);
@@ -97,6 +100,7 @@ impl Snapshot {
             daemon,
             pid: directory.pid,
             epoch: directory.epoch,
+            now_ns: directory.spec.time.from_monotonic(monotonic_ns()),
             diagnosers: diagnosers.collect::<Result<_, _>>()?,
             inputs: inputs.collect::<Result<_, _>>()?,
         }))

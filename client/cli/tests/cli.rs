@@ -1,8 +1,7 @@
 //! The binary against a bounds table that the test writes.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-use std::fs::File;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -385,73 +384,4 @@ fn a_reader_of_the_pipe_that_leaves_ends_watch_quietly() {
         .read_to_string(&mut message)
         .unwrap();
     assert_eq!((status.code(), message.as_str()), (Some(0), ""));
-}
-
-/// Runs `watch` on a terminal of its own, sends it `keys` after its first view, and gives all that it drew.
-fn watch_on_a_terminal(daemon: &Daemon, options: &[&str], keys: &[u8]) -> String {
-    use nix::pty::openpty;
-    use nix::sys::termios::tcgetattr;
-
-    let terminal = openpty(None, None).unwrap();
-    let before = tcgetattr(&terminal.slave).unwrap();
-    let side = || Stdio::from(terminal.slave.try_clone().unwrap());
-    let mut command = daemon.command(&["watch"]);
-    let child = command
-        .args(options)
-        .stdin(side())
-        .stdout(side())
-        .stderr(side())
-        .spawn()
-        .unwrap();
-    drop(command);
-    let mut child = Watching(child);
-    let mut master = File::from(terminal.master);
-    let mut drawn = Vec::new();
-    let mut chunk = [0; 4096];
-    let mut is_sent = keys.is_empty();
-    // The alternate screen is left last: nothing is read after it, so that the end cannot block.
-    while !text_lossy(&drawn).contains("\x1b[?1049l") {
-        let count = master.read(&mut chunk).unwrap();
-        drawn.extend_from_slice(&chunk[..count]);
-        if !is_sent && text_lossy(&drawn).contains("yaw") {
-            master.write_all(keys).unwrap();
-            is_sent = true;
-        }
-    }
-    assert_eq!(child.0.wait().unwrap().code(), Some(0));
-    assert_eq!(
-        tcgetattr(&terminal.slave).unwrap(),
-        before,
-        "the terminal was not restored"
-    );
-    text_lossy(&drawn)
-}
-
-fn text_lossy(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-#[test]
-fn watch_on_a_terminal_draws_bars_and_restores_the_terminal_on_ctrl_c() {
-    let mut daemon = Daemon::start();
-    daemon.publish_nominal();
-    let begin = Instant::now();
-    let drawn = watch_on_a_terminal(&daemon, &["--interval", "20", "--count", "500"], b"\x03");
-    assert!(
-        begin.elapsed() < Duration::from_secs(8),
-        "ended by its count only"
-    );
-    assert!(
-        drawn.contains("\x1b[?1049h") && drawn.contains("\x1b[?25h"),
-        "{drawn}"
-    );
-    assert!(drawn.contains("front (chi_square): fresh, nominal"), "{drawn}");
-    assert!(drawn.contains("█████···"), "a quarter of the bar: {drawn}");
-}
-
-#[test]
-fn watch_on_a_terminal_ends_by_its_count() {
-    let mut daemon = Daemon::start();
-    daemon.publish_nominal();
-    watch_on_a_terminal(&daemon, &["--interval", "5", "--count", "2"], b"");
 }
