@@ -35,6 +35,7 @@ fn table(criterion: &mut Criterion) {
         time: DaemonTime::MONOTONIC,
         schedule_epoch_ns: 0,
         stale_after_periods: 3,
+        alarm_capacity: 64,
     };
     let access = Access {
         group: None,

@@ -75,6 +75,22 @@ counters! {
     }
 }
 
+counters! {
+    /// Where the alarm of one diagnoser stands.
+    AlarmStatus {
+        /// [`AlarmState`](crate::alarm::AlarmState) as a number.
+        state,
+        /// Bits of [`alarm_flags`](crate::alarm::alarm_flags).
+        flags,
+        /// How often it has been raised.
+        occurrences,
+        /// Number of its latest transition; 0: none.
+        number,
+        /// Sampling instant of its latest transition, nanoseconds of the daemon's time.
+        instant_ns,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

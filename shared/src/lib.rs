@@ -3,6 +3,7 @@
 //! | module | what |
 //! |---|---|
 //! | [`record`] | what a diagnoser says at one sampling instant |
+//! | [`alarm`] | the life of a fault: states and numbered transitions |
 //! | [`counters`] | what was received, rejected, lost, late or skipped |
 //! | [`bounds_table`] | the shared-memory segment in which clients poll the records |
 //! | [`sample`], [`transport`] | a sensor sample and its iceoryx2 service (feature `transport`) |
@@ -11,6 +12,7 @@
 //!
 //! This crate knows neither the daemon nor the diagnosis methods.
 
+pub mod alarm;
 pub mod bounds_table;
 pub mod clock;
 pub mod counters;

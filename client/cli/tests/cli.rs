@@ -57,6 +57,7 @@ impl Daemon {
             time: DaemonTime::MONOTONIC,
             schedule_epoch_ns: 0,
             stale_after_periods: 100,
+            alarm_capacity: 64,
         };
         let path = Instance::new(name.parse().unwrap(), directory).bounds_path();
         TableWriter::create(

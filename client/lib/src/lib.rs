@@ -19,7 +19,7 @@
 //! #         name: "steering".into(), method: "chi_square".into(), period_ns: 10_000_000, phase_ns: 0,
 //! #         margin_ns: 0, channels: vec![], faults: vec![],
 //! #     }],
-//! #     inputs: vec![], time: DaemonTime::MONOTONIC, schedule_epoch_ns: 0, stale_after_periods: 100,
+//! #     inputs: vec![], time: DaemonTime::MONOTONIC, schedule_epoch_ns: 0, stale_after_periods: 100, alarm_capacity: 64,
 //! # };
 //! # let mut daemon =
 //! #     TableWriter::create(&instance.bounds_path(), &spec, &Access { group: None, mode: 0o600 })?;

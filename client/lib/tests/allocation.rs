@@ -68,6 +68,7 @@ fn publishing_and_reading_allocate_nothing() {
         time: DaemonTime::MONOTONIC,
         schedule_epoch_ns: 0,
         stale_after_periods: 3,
+        alarm_capacity: 64,
     };
     let access = Access {
         group: None,

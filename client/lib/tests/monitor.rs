@@ -48,6 +48,7 @@ fn daemon(instance: &Instance, names: &[&str]) -> TableWriter {
         time: DaemonTime::MONOTONIC,
         schedule_epoch_ns: 0,
         stale_after_periods: 2,
+        alarm_capacity: 64,
     };
     let writer = TableWriter::create(&instance.bounds_path(), &spec, &OWN).unwrap();
     // A sign of life from the future: the daemon counts as alive however slow the machine is.
@@ -147,6 +148,7 @@ fn age_is_measured_in_the_daemons_time() {
         },
         schedule_epoch_ns: 0,
         stale_after_periods: 2,
+        alarm_capacity: 64,
     };
     let mut daemon = TableWriter::create(&instance.bounds_path(), &spec, &OWN).unwrap();
     daemon.publish(0, &record(1, Verdict::Nominal, origin_ns));

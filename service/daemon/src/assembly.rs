@@ -102,6 +102,7 @@ pub fn table_spec(
         time,
         schedule_epoch_ns: epoch_ns,
         stale_after_periods: configuration.daemon.stale_after_periods,
+        alarm_capacity: configuration.daemon.alarm_capacity,
     }
 }
 

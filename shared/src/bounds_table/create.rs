@@ -3,19 +3,23 @@
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions, Permissions};
 use std::io;
-use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt, PermissionsExt, fchown};
+use std::os::unix::fs::{OpenOptionsExt, PermissionsExt, fchown};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use nix::errno::Errno;
-use nix::fcntl::{OFlag, posix_fallocate};
+use nix::fcntl::posix_fallocate;
 
 use super::directory::{Image, encode};
-use super::layout::{MAGIC, STATE_CLOSED, STATE_RUNNING, VERSION, WORD_BYTES, header};
+use super::layout::{STATE_RUNNING, WORD_BYTES, header};
 use super::mapping::WritableMapping;
+use super::old_table::OldTable;
 use super::protocol::WriteWord;
 use super::spec::{Directory, SpecError, TableSpec};
+use super::writer::TableWriter;
 use crate::clock::{monotonic_ns, nanoseconds};
+use crate::counters::AlarmStatus;
 
 /// Who may read a table besides the daemon's own user.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,111 +89,129 @@ impl Drop for Temporary {
     }
 }
 
-/// Creates the table at `path`, marks the one it replaces closed, and gives its mapping and places.
-pub(super) fn create(
-    path: &Path,
-    spec: &TableSpec,
-    access: &Access,
-) -> Result<(WritableMapping, Image), CreateError> {
-    let failed = |step, path: &Path| {
-        let path = path.to_path_buf();
-        move |source| CreateError::Io { step, path, source }
-    };
-    if access.mode & !0o044 != 0o600 {
-        return Err(CreateError::Mode { mode: access.mode });
-    }
-    let old = OldTable::open(path);
-    let epoch = nanoseconds(SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default());
-    let directory = Directory {
-        spec: spec.clone(),
-        epoch: old
-            .as_ref()
-            .map_or(epoch, |old| epoch.max(old.epoch.saturating_add(1))),
-        boot_id: boot_id(),
-        pid: std::process::id(),
-    };
-    let image = encode(&directory)?;
-    let bytes = image.total_words * WORD_BYTES;
+/// A complete table under a temporary name. Dropped without being published, it leaves nothing behind.
+pub struct PreparedTable {
+    path: PathBuf,
+    spec: TableSpec,
+    epoch: u64,
+    temporary: Temporary,
+    mapping: WritableMapping,
+    image: Image,
+    old: Option<OldTable>,
+}
 
-    remove_stale(path);
-    let temporary_path = temporary_name(path);
-    let file = OpenOptions::new()
-        .read(true)
-        .write(true)
-        .create_new(true)
-        .mode(0o600)
-        .open(&temporary_path)
-        .map_err(failed("create", &temporary_path))?;
-    let mut temporary = Temporary {
-        path: temporary_path,
-        renamed: false,
-    };
-    allocate(&file, bytes).map_err(|errno| match errno {
+impl PreparedTable {
+    /// Prepares the table for `path`. What lies there stays as it is.
+    ///
+    /// # Errors
+    /// See [`CreateError`].
+    pub fn create(path: &Path, spec: &TableSpec, access: &Access) -> Result<Self, CreateError> {
+        if access.mode & !0o044 != 0o600 {
+            return Err(CreateError::Mode { mode: access.mode });
+        }
+        let old = OldTable::open(path);
+        let now = nanoseconds(SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default());
+        let epoch = (old.as_ref()).map_or(now, |old| now.max(old.epoch.saturating_add(1)));
+        let directory = Directory {
+            spec: spec.clone(),
+            epoch,
+            boot_id: boot_id(),
+            pid: std::process::id(),
+            alarm_origin: old.as_ref().and_then(OldTable::alarm_origin).unwrap_or(epoch),
+        };
+        let image = encode(&directory)?;
+        remove_stale(path);
+        let temporary = Temporary {
+            path: temporary_name(path),
+            renamed: false,
+        };
+        let file = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .create_new(true)
+            .mode(0o600)
+            .open(&temporary.path)
+            .map_err(failed("create", &temporary.path))?;
+        let mapping = fill(&file, &image, access, path, &temporary.path)?;
+        Ok(Self {
+            path: path.into(),
+            spec: spec.clone(),
+            epoch,
+            temporary,
+            mapping,
+            image,
+            old,
+        })
+    }
+
+    /// For each diagnoser: where its alarm stands in the table that is replaced, if it is the same there.
+    pub fn alarm_status(&self) -> Vec<Option<AlarmStatus>> {
+        match &self.old {
+            Some(old) => old.alarm_status(&self.spec),
+            None => vec![None; self.spec.slots.len()],
+        }
+    }
+
+    /// Makes it the table that clients find: takes over the transitions of the old one's alarm ring, replaces it,
+    /// and marks it closed.
+    ///
+    /// # Errors
+    /// [`CreateError::Io`]. The older table then stays as it was, unless it was the marking that failed.
+    pub fn publish(mut self) -> Result<TableWriter, CreateError> {
+        let words = self.mapping.words();
+        if let Some(old) = &self.old {
+            let newest = old
+                .hand_over(&self.spec, &self.image.alarms.ring(words))
+                .map_err(failed("read the alarms of the bounds table at", &self.path))?;
+            let futex = self.mapping.futex(self.image.alarms.wake());
+            futex.store(newest as u32, Ordering::Relaxed);
+        }
+        WriteWord::store(&words[header::HEARTBEAT], monotonic_ns());
+        fs::rename(&self.temporary.path, &self.path)
+            .map_err(failed("move the new bounds table to", &self.path))?;
+        self.temporary.renamed = true;
+        // Now, and not earlier: a reader that sees the old table closed finds the new one at once.
+        if let Some(old) = &self.old {
+            old.close()
+                .map_err(failed("mark as closed the table that was at", &self.path))?;
+        }
+        Ok(TableWriter::new(self.mapping, self.image, self.epoch, &self.spec))
+    }
+}
+
+/// Gives the file its memory, its permissions and the words of the directory; maps it.
+fn fill(
+    file: &File,
+    image: &Image,
+    access: &Access,
+    path: &Path,
+    temporary: &Path,
+) -> Result<WritableMapping, CreateError> {
+    let bytes = image.total_words * WORD_BYTES;
+    allocate(file, bytes).map_err(|errno| match errno {
         Errno::ENOSPC => {
             let directory = path.parent().unwrap_or(Path::new("/")).into();
             CreateError::NoSpace { directory, bytes }
         }
-        errno => failed("allocate memory for", &temporary.path)(errno.into()),
+        errno => failed("allocate memory for", temporary)(errno.into()),
     })?;
     if let Some(group) = access.group {
-        fchown(&file, None, Some(group)).map_err(|source| CreateError::Group { group, source })?;
+        fchown(file, None, Some(group)).map_err(|source| CreateError::Group { group, source })?;
     }
     file.set_permissions(Permissions::from_mode(access.mode))
-        .map_err(failed("set the permissions of", &temporary.path))?;
-    let mapping = WritableMapping::new(&file, image.total_words).map_err(failed("map", &temporary.path))?;
+        .map_err(failed("set the permissions of", temporary))?;
+    let mapping = WritableMapping::new(file, image.total_words).map_err(failed("map", temporary))?;
     let words = mapping.words();
     for (word, value) in words.iter().zip(&image.words) {
         WriteWord::store(word, *value);
     }
-    WriteWord::store(&words[header::HEARTBEAT], monotonic_ns());
     WriteWord::store(&words[header::STATE], STATE_RUNNING);
-
-    fs::rename(&temporary.path, path).map_err(failed("move the new bounds table to", path))?;
-    temporary.renamed = true;
-    // Now, and not earlier: a reader that sees the old table closed finds the new one at once.
-    if let Some(old) = old {
-        old.close()
-            .map_err(failed("mark as closed the table that was at", path))?;
-    }
-    Ok((mapping, image))
+    Ok(mapping)
 }
 
-/// A table at the path before, written by the same user.
-struct OldTable {
-    file: File,
-    epoch: u64,
-}
-
-impl OldTable {
-    /// Opens what lies at `path` if it is a table of this version and of this user.
-    fn open(path: &Path) -> Option<Self> {
-        let flags = OFlag::O_NOFOLLOW | OFlag::O_NONBLOCK;
-        let file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .custom_flags(flags.bits())
-            .open(path)
-            .ok()?;
-        let metadata = file.metadata().ok()?;
-        let word = |index: usize| {
-            let mut bytes = [0; WORD_BYTES];
-            file.read_exact_at(&mut bytes, (index * WORD_BYTES) as u64).ok()?;
-            Some(u64::from_ne_bytes(bytes))
-        };
-        let ours = metadata.is_file()
-            && metadata.uid() == nix::unistd::geteuid().as_raw()
-            && metadata.len() >= (header::WORDS * WORD_BYTES) as u64
-            && word(header::MAGIC)? == MAGIC
-            && word(header::VERSION)? == VERSION;
-        let epoch = word(header::EPOCH)?;
-        ours.then_some(Self { file, epoch })
-    }
-
-    /// Marks it closed, through the file: its memory may be damaged, and a mapping of it could fault.
-    fn close(&self) -> io::Result<()> {
-        self.file
-            .write_all_at(&STATE_CLOSED.to_ne_bytes(), (header::STATE * WORD_BYTES) as u64)
-    }
+fn failed(step: &'static str, path: &Path) -> impl FnOnce(io::Error) -> CreateError {
+    let path = path.to_path_buf();
+    move |source| CreateError::Io { step, path, source }
 }
 
 /// Gives the file real memory now: without it, a full tmpfs would kill the daemon at its first write.

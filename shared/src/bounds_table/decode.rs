@@ -40,6 +40,7 @@ pub(super) fn decode(words: &[u64]) -> Result<(Directory, Image), String> {
         },
         schedule_epoch_ns: source.at(header::SCHEDULE_EPOCH_NS)?,
         stale_after_periods: source.small(header::STALE_AFTER_PERIODS, u32::MAX as usize)? as u32,
+        alarm_capacity: source.small(header::ALARM_CAPACITY, u32::MAX as usize)? as u32,
     };
     let directory = Directory {
         spec,
@@ -47,6 +48,7 @@ pub(super) fn decode(words: &[u64]) -> Result<(Directory, Image), String> {
         boot_id: u128::from(source.at(header::BOOT_ID_LOW)?)
             | u128::from(source.at(header::BOOT_ID_HIGH)?) << 64,
         pid: source.small(header::PID, u32::MAX as usize)? as u32,
+        alarm_origin: source.at(header::ALARM_ORIGIN)?,
     };
     let image = encode(&directory).map_err(|error| error.to_string())?;
     let differs = (0..words.len().max(image.words.len())).find(|index| {

@@ -2,10 +2,11 @@
 //!
 //! The form is canonical: a directory gives one sequence of words. Reading relies on it.
 
-use super::layout::{self, LINE_WORDS, WORD_BYTES, header, input_entry, slot_entry};
+use super::layout::{self, ALARM_WORDS, LINE_WORDS, WORD_BYTES, alarm_ring, header, input_entry, slot_entry};
 use super::protocol::Slot;
+use super::ring::Ring;
 use super::spec::{Directory, MAX_TEXT_BYTES, SpecError};
-use crate::counters::{InputCounters, ScheduleCounters};
+use crate::counters::{AlarmStatus, InputCounters, ScheduleCounters};
 
 /// Where the changing parts of one slot lie, as indices of words.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,6 +15,8 @@ pub(super) struct SlotPlace {
     channels: usize,
     /// First of its schedule counters.
     pub(super) counters: usize,
+    /// First word of its alarm status.
+    pub(super) alarm: usize,
 }
 
 impl SlotPlace {
@@ -40,7 +43,40 @@ pub(super) struct Image {
     pub(super) slots: Vec<SlotPlace>,
     /// First counter of each input.
     pub(super) inputs: Vec<usize>,
+    /// Where the alarm ring lies.
+    pub(super) alarms: RingPlace,
 }
+
+/// Where the alarm ring lies, as an index of words.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct RingPlace {
+    start: usize,
+    capacity: usize,
+}
+
+impl RingPlace {
+    /// The ring in the table's words.
+    pub(super) fn ring<'a, W>(&self, words: &'a [W]) -> AlarmRing<'a, W> {
+        let entries = self.start + alarm_ring::ENTRIES;
+        Ring {
+            newest: &words[self.start + alarm_ring::NEWEST],
+            entries: &words[entries..entries + self.capacity * ALARM_WORDS],
+        }
+    }
+
+    /// The word that holds the futex.
+    pub(super) fn wake(&self) -> usize {
+        self.start + alarm_ring::WAKE
+    }
+
+    /// First word behind the head of the ring, and how many transitions follow.
+    pub(super) fn entries(&self) -> (usize, usize) {
+        (self.start + alarm_ring::ENTRIES, self.capacity)
+    }
+}
+
+/// The ring of the alarm transitions.
+pub(super) type AlarmRing<'a, W> = Ring<'a, W, ALARM_WORDS>;
 
 /// Writes a directory as words.
 pub(super) fn encode(directory: &Directory) -> Result<Image, SpecError> {
@@ -49,6 +85,7 @@ pub(super) fn encode(directory: &Directory) -> Result<Image, SpecError> {
         epoch,
         boot_id,
         pid,
+        alarm_origin,
     } = directory;
     spec.check()?;
     let slot_entries = header::WORDS;
@@ -103,11 +140,13 @@ pub(super) fn encode(directory: &Directory) -> Result<Image, SpecError> {
             start: take(layout::slot_words(channels)),
             channels,
             counters: take(ScheduleCounters::COUNT),
+            alarm: take(AlarmStatus::COUNT),
         };
         let entry = slot_entries + index * slot_entry::WORDS;
         words[entry + slot_entry::SLOT] = bytes(place.start);
         words[entry + slot_entry::CELL_BYTES] = bytes(layout::cell_words(channels));
         words[entry + slot_entry::COUNTERS] = bytes(place.counters);
+        words[entry + slot_entry::ALARM] = bytes(place.alarm);
         slots.push(place);
     }
     let mut inputs = Vec::with_capacity(spec.inputs.len());
@@ -116,6 +155,12 @@ pub(super) fn encode(directory: &Directory) -> Result<Image, SpecError> {
         words[input_entries + index * input_entry::WORDS + input_entry::COUNTERS] = bytes(place);
         inputs.push(place);
     }
+
+    let capacity = spec.alarm_capacity as usize;
+    let alarms = RingPlace {
+        start: take(layout::alarm_ring_words(capacity)),
+        capacity,
+    };
 
     let head = [
         (header::MAGIC, layout::MAGIC),
@@ -136,6 +181,9 @@ pub(super) fn encode(directory: &Directory) -> Result<Image, SpecError> {
         (header::TIME_SPEED, spec.time.speed.to_bits()),
         (header::SCHEDULE_EPOCH_NS, spec.schedule_epoch_ns),
         (header::STALE_AFTER_PERIODS, u64::from(spec.stale_after_periods)),
+        (header::ALARM_RING, bytes(alarms.start)),
+        (header::ALARM_CAPACITY, u64::from(spec.alarm_capacity)),
+        (header::ALARM_ORIGIN, *alarm_origin),
     ];
     for (field, word) in head {
         words[field] = word;
@@ -146,6 +194,7 @@ pub(super) fn encode(directory: &Directory) -> Result<Image, SpecError> {
         total_words: end,
         slots,
         inputs,
+        alarms,
     })
 }
 

@@ -17,11 +17,11 @@ use super::layout::{CHANNEL_WORDS, RECORD_HEAD_WORDS};
 use super::protocol::{ReadWord, WriteWord};
 use crate::record::{Channel, StepRecord};
 
-fn join(low: u32, high: u32) -> u64 {
+pub(super) fn join(low: u32, high: u32) -> u64 {
     u64::from(low) | u64::from(high) << 32
 }
 
-fn split(word: u64) -> (u32, u32) {
+pub(super) fn split(word: u64) -> (u32, u32) {
     (word as u32, (word >> 32) as u32)
 }
 

@@ -1,6 +1,6 @@
 //! Where everything lies in the file: word offsets, magic, version, hash and sizes.
 
-use crate::counters::{InputCounters, ScheduleCounters};
+use crate::counters::{AlarmStatus, InputCounters, ScheduleCounters};
 
 /// Bytes of one word.
 pub const WORD_BYTES: usize = 8;
@@ -12,13 +12,29 @@ pub const LINE_WORDS: usize = 8;
 pub const MAGIC: u64 = u64::from_ne_bytes(*b"RESIDUAL");
 
 /// Version of the layout; raised with every change that a reader must know of.
-pub const VERSION: u64 = 1;
+pub const VERSION: u64 = 2;
 
 /// Words of a record before its channels.
 pub const RECORD_HEAD_WORDS: usize = 9;
 
 /// Words of one channel: lower, residual, upper, ratio.
 pub const CHANNEL_WORDS: usize = 4;
+
+/// Words of an alarm transition: two lines, so that writing one disturbs no reader of its neighbours.
+pub const ALARM_WORDS: usize = 2 * LINE_WORDS;
+
+/// Word of a transition that holds the slot (low half) and the state.
+pub const ALARM_SLOT_WORD: usize = 6;
+
+/// Word offsets in the alarm ring.
+pub mod alarm_ring {
+    /// Number of the newest whole transition; 0: none. Changes.
+    pub const NEWEST: usize = 0;
+    /// In its first four bytes the futex word: the low 32 bits of `NEWEST`, written after it. Changes.
+    pub const WAKE: usize = 1;
+    /// The first transition.
+    pub const ENTRIES: usize = super::LINE_WORDS;
+}
 
 /// Value of the header word `STATE` while the daemon lives.
 pub const STATE_RUNNING: u64 = 1;
@@ -66,6 +82,12 @@ pub mod header {
     pub const SCHEDULE_EPOCH_NS: usize = 17;
     /// A record older than this many periods (and the margin) is stale.
     pub const STALE_AFTER_PERIODS: usize = 18;
+    /// Offset of the alarm ring.
+    pub const ALARM_RING: usize = 19;
+    /// How many transitions the ring holds; a power of two.
+    pub const ALARM_CAPACITY: usize = 20;
+    /// Number of the life of the daemon that wrote transition 1; those after it have gone on counting.
+    pub const ALARM_ORIGIN: usize = 21;
     /// [`STATE_RUNNING`](super::STATE_RUNNING) or [`STATE_CLOSED`](super::STATE_CLOSED). Changes.
     pub const STATE: usize = 24;
     /// CLOCK_MONOTONIC of the daemon's last sign of life, nanoseconds. Changes.
@@ -100,6 +122,8 @@ pub mod slot_entry {
     pub const CELL_BYTES: usize = 10;
     /// Offset of the schedule counters.
     pub const COUNTERS: usize = 11;
+    /// Offset of the alarm status.
+    pub const ALARM: usize = 12;
     /// Words of one entry.
     pub const WORDS: usize = 16;
 }
@@ -138,6 +162,11 @@ pub const fn slot_words(channels: usize) -> usize {
     LINE_WORDS + 2 * cell_words(channels)
 }
 
+/// Words of the alarm ring.
+pub const fn alarm_ring_words(capacity: usize) -> usize {
+    alarm_ring::ENTRIES + capacity * ALARM_WORDS
+}
+
 /// Hash of the layout: a change of any size or counter that was made without a new version shows here.
 pub const HASH: u64 = {
     let numbers = [
@@ -148,8 +177,10 @@ pub const HASH: u64 = {
         RECORD_HEAD_WORDS as u64,
         CHANNEL_WORDS as u64,
         LINE_WORDS as u64,
+        ALARM_WORDS as u64,
     ];
     let hash = names(ScheduleCounters::NAMES, fnv(FNV_START, &numbers));
+    let hash = names(AlarmStatus::NAMES, hash);
     names(InputCounters::NAMES, hash)
 };
 
@@ -173,14 +204,20 @@ pub const fn fnv(mut hash: u64, words: &[u64]) -> u64 {
 const fn names(names: &[&str], mut hash: u64) -> u64 {
     let mut index = 0;
     while index < names.len() {
-        let bytes = names[index].as_bytes();
-        hash = fnv(hash, &[bytes.len() as u64]);
-        let mut at = 0;
-        while at < bytes.len() {
-            hash = fnv(hash, &[bytes[at] as u64]);
-            at += 1;
-        }
+        hash = fnv_text(hash, names[index]);
         index += 1;
+    }
+    hash
+}
+
+/// [`fnv`] over the length and the bytes of a text.
+pub const fn fnv_text(mut hash: u64, text: &str) -> u64 {
+    let bytes = text.as_bytes();
+    hash = fnv(hash, &[bytes.len() as u64]);
+    let mut at = 0;
+    while at < bytes.len() {
+        hash = fnv(hash, &[bytes[at] as u64]);
+        at += 1;
     }
     hash
 }

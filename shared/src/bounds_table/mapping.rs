@@ -4,7 +4,7 @@
 use std::fs::File;
 use std::io;
 use std::slice;
-use std::sync::atomic::{AtomicU64, Ordering, fence};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
 
 use memmap2::{MmapOptions, MmapRaw};
 
@@ -50,6 +50,29 @@ impl WritableMapping {
         // every bit pattern is a valid AtomicU64.
         unsafe { slice::from_raw_parts(self.0.as_ptr().cast(), self.0.len() / WORD_BYTES) }
     }
+
+    /// The futex in the first four bytes of the word `index`, which nobody accesses as a word.
+    pub(super) fn futex(&self, index: usize) -> &AtomicU32 {
+        futex(&self.0, index)
+    }
+}
+
+/// The four bytes at the word `index` of a mapping.
+fn futex(mapping: &MmapRaw, index: usize) -> &AtomicU32 {
+    assert!(
+        index < mapping.len() / WORD_BYTES,
+        "word {index} lies outside the mapping"
+    );
+    // SAFETY: the word lies within the mapping, is aligned, and lives as long as it. Its first four bytes are
+    // accessed atomically and as four bytes only, here, in other processes and by the kernel. A reader's mapping is
+    // read-only, and readers only hand the address to the kernel.
+    unsafe {
+        &*mapping
+            .as_ptr()
+            .cast::<AtomicU64>()
+            .add(index)
+            .cast::<AtomicU32>()
+    }
 }
 
 /// A file mapped to be read.
@@ -70,5 +93,10 @@ impl ReadOnlyMapping {
         // SAFETY: as for the writable mapping; the memory is read-only, which relaxed loads of 8 bytes (the only
         // access that `ReadOnlyWord` has) permit on 64-bit processors.
         unsafe { slice::from_raw_parts(self.0.as_ptr().cast(), self.0.len() / WORD_BYTES) }
+    }
+
+    /// The futex in the first four bytes of the word `index`, to be waited on.
+    pub(super) fn futex(&self, index: usize) -> &AtomicU32 {
+        futex(&self.0, index)
     }
 }

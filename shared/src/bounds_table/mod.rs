@@ -25,7 +25,10 @@
 //! | texts and lists of texts | behind the entries | as long as they are |
 //! | slot blocks | entry word `SLOT` | sequence line, cell 0, cell 1 |
 //! | schedule counters | entry word `COUNTERS` | [`ScheduleCounters::NAMES`](crate::counters::ScheduleCounters::NAMES) in this order |
+//! | alarm status | entry word `ALARM` | [`AlarmStatus::NAMES`](crate::counters::AlarmStatus::NAMES) in this order |
 //! | input counters | entry word `COUNTERS` | [`InputCounters::NAMES`](crate::counters::InputCounters::NAMES) in this order |
+//!
+//! | alarm ring | header word `ALARM_RING` | [`layout::alarm_ring`], then `ALARM_CAPACITY` transitions of [`layout::ALARM_WORDS`] words |
 //!
 //! Everything above the slot blocks, but for the header words `STATE` and `HEARTBEAT`, never changes after the
 //! file has appeared. Every slot block, cell and group of counters begins on a cache line of its own, so the
@@ -37,6 +40,14 @@
 //! Read the sequence word `n` (0: no record yet), then an acquire fence; copy the cell `n & 1`; then another
 //! acquire fence; read the sequence word again. The copy is a record if the word is still `n`.
 //!
+//! # Alarms in another language
+//! Transition n lies at the place (n − 1) mod `ALARM_CAPACITY` ([`ring`], words as in the module `alarm_words`). It has
+//! been written when `NEWEST` is n or more, read before an acquire fence. Read its first word, then an acquire
+//! fence; copy its words; then another acquire fence; read its first word again. The copy is transition n if the
+//! first word was n both times; otherwise it has been overwritten. To sleep until there is one above n:
+//! `FUTEX_WAIT` (not private) on the word `WAKE` with the low 32 bits of n, with a timeout of some 100 ms, after
+//! which to look at `STATE` and `HEARTBEAT`: a daemon that was killed wakes nobody.
+//!
 //! # Notation
 //! | symbol | meaning |
 //! |---|---|
@@ -46,24 +57,32 @@
 //! | cell | the place of one record; a slot has two, written in turn |
 //! | n | number of the newest record of a slot, 1 for the first |
 
+mod alarm_words;
 mod create;
 mod decode;
 mod directory;
 pub mod encoding;
+mod futex;
 pub mod layout;
 mod liveness;
 mod mapping;
+mod old_table;
 mod open;
 pub mod protocol;
 #[cfg(test)]
 mod protocol_model;
 mod reader;
+pub mod ring;
+#[cfg(test)]
+mod ring_model;
 mod spec;
 mod writer;
 
-pub use create::{Access, CreateError};
+pub use create::{Access, CreateError, PreparedTable};
 pub use liveness::{HEARTBEAT_PERIOD_NS, HUNG_AFTER_NS, Liveness};
 pub use open::OpenError;
-pub use reader::{ReadError, ReadOutcome, TableReader};
-pub use spec::{ChannelSpec, Directory, InputSpec, SlotSpec, SpecError, TableSpec};
+pub use reader::{AlarmRead, ReadError, ReadOutcome, TableReader};
+pub use spec::{
+    ChannelSpec, Directory, InputSpec, MAX_ALARM_CAPACITY, MIN_ALARM_CAPACITY, SlotSpec, SpecError, TableSpec,
+};
 pub use writer::TableWriter;

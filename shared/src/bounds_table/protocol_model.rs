@@ -12,18 +12,27 @@ use loom::thread;
 
 use super::protocol::{Read, ReadWord, Slot, WriteWord};
 
-const PUBLISH_ORDERED: u8 = 1;
-const RELEASE_FENCE: u8 = 2;
-const ACQUIRE_FENCE: u8 = 4;
-const ALL: u8 = PUBLISH_ORDERED | RELEASE_FENCE | ACQUIRE_FENCE;
+pub(super) const PUBLISH_ORDERED: u8 = 1;
+pub(super) const RELEASE_FENCE: u8 = 2;
+pub(super) const ACQUIRE_FENCE: u8 = 4;
+pub(super) const ALL: u8 = PUBLISH_ORDERED | RELEASE_FENCE | ACQUIRE_FENCE;
 
 /// A word with the given orderings; those left out are relaxed.
 ///
 /// The writer's look at its own word is kept from loom, which remembers only the latest access of a word when it
 /// decides what to reorder: the writer's load would hide the reader's, and nothing would be explored.
-struct Word<const ORDERINGS: u8> {
+pub(super) struct Word<const ORDERINGS: u8> {
     word: AtomicU64,
     own: std::sync::atomic::AtomicU64,
+}
+
+impl<const ORDERINGS: u8> Word<ORDERINGS> {
+    pub(super) fn new() -> Self {
+        Self {
+            word: AtomicU64::new(0),
+            own: 0.into(),
+        }
+    }
 }
 
 impl<const ORDERINGS: u8> ReadWord for Word<ORDERINGS> {
@@ -73,10 +82,7 @@ struct Words<const ORDERINGS: u8>([Word<ORDERINGS>; 5]);
 
 impl<const ORDERINGS: u8> Words<ORDERINGS> {
     fn new() -> Self {
-        Self(std::array::from_fn(|_| Word {
-            word: AtomicU64::new(0),
-            own: 0.into(),
-        }))
+        Self(std::array::from_fn(|_| Word::new()))
     }
 
     fn slot(&self) -> Slot<'_, Word<ORDERINGS>> {

@@ -1,17 +1,22 @@
 //! A client's side of a table.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
+use super::alarm_words::decode_alarm;
 use super::create::boot_id;
 use super::directory::Image;
 use super::encoding::load_record;
+use super::futex;
 use super::layout::header;
 use super::liveness::Liveness;
 use super::mapping::ReadOnlyMapping;
 use super::open::{FileId, OpenError, file_id, open};
 use super::protocol::{READ_ATTEMPTS, Read, ReadWord};
+use super::ring::RingRead;
 use super::spec::Directory;
-use crate::counters::{InputCounters, ScheduleCounters};
+use crate::alarm::AlarmTransition;
+use crate::counters::{AlarmStatus, InputCounters, ScheduleCounters};
 use crate::record::StepRecord;
 
 /// A client's side of a table: one life of the daemon, mapped read-only.
@@ -39,6 +44,17 @@ pub enum ReadOutcome {
         /// How many records the diagnoser has written with this one; tells a new record from a known one.
         number: u64,
     },
+}
+
+/// What [`TableReader::read_alarm`] found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum AlarmRead {
+    /// There has not been so many transitions yet.
+    Waiting,
+    /// The transition.
+    Transition(AlarmTransition),
+    /// It has been overwritten by newer ones, or was lost when the daemon was killed.
+    Lost,
 }
 
 /// Why a record or counters could not be read.
@@ -142,6 +158,38 @@ impl TableReader {
             .get(input)
             .ok_or(ReadError::NoSuchInput { input, count })?;
         Ok(InputCounters::from_words(self.load(*place)))
+    }
+
+    /// Where the alarm of the diagnoser in `slot` stands; each number is whole, all together need not be of one
+    /// moment.
+    ///
+    /// # Errors
+    /// [`ReadError::NoSuchSlot`].
+    pub fn read_alarm_status(&self, slot: usize) -> Result<AlarmStatus, ReadError> {
+        let count = self.image.slots.len();
+        let place = (self.image.slots.get(slot)).ok_or(ReadError::NoSuchSlot { slot, count })?;
+        Ok(AlarmStatus::from_words(self.load(place.alarm)))
+    }
+
+    /// Number of the newest alarm transition; 0: there has not been any.
+    pub fn newest_alarm(&self) -> u64 {
+        self.image.alarms.ring(self.mapping.words()).newest.load()
+    }
+
+    /// Reads the alarm transition with this number.
+    pub fn read_alarm(&self, number: u64) -> AlarmRead {
+        match self.image.alarms.ring(self.mapping.words()).read(number) {
+            RingRead::Waiting => AlarmRead::Waiting,
+            RingRead::Lost => AlarmRead::Lost,
+            RingRead::Entry(words) => decode_alarm(&words).map_or(AlarmRead::Lost, AlarmRead::Transition),
+        }
+    }
+
+    /// Sleeps until there is a transition newer than the number `seen`, the table is closed, or `timeout` is over;
+    /// may return earlier. A daemon that was killed wakes nobody: use a short timeout and look at
+    /// [`liveness`](Self::liveness).
+    pub fn wait_for_alarm(&self, seen: u64, timeout: Duration) {
+        futex::wait(self.mapping.futex(self.image.alarms.wake()), seen as u32, timeout);
     }
 
     /// Whether the daemon behind this table lives, at the moment `now_ns` of CLOCK_MONOTONIC.

@@ -2,11 +2,18 @@
 
 use std::collections::HashSet;
 
+use super::layout::{FNV_START, fnv, fnv_text};
 use crate::clock::DaemonTime;
 use crate::record::{MAX_CHANNELS, MAX_FAULTS};
 
 /// Longest name, method or unit, bytes.
 pub const MAX_TEXT_BYTES: usize = 256;
+
+/// Smallest alarm ring.
+pub const MIN_ALARM_CAPACITY: u32 = 16;
+
+/// Largest alarm ring: 128 MiB.
+pub const MAX_ALARM_CAPACITY: u32 = 1 << 20;
 
 /// What the daemon knows when it creates a table.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,6 +30,9 @@ pub struct TableSpec {
     pub schedule_epoch_ns: u64,
     /// A record older than this many periods of its diagnoser (and the margin) is stale; at least 1.
     pub stale_after_periods: u32,
+    /// How many alarm transitions the ring holds before it overwrites the oldest: a power of two from
+    /// [`MIN_ALARM_CAPACITY`] to [`MAX_ALARM_CAPACITY`].
+    pub alarm_capacity: u32,
 }
 
 /// One diagnoser.
@@ -42,6 +52,18 @@ pub struct SlotSpec {
     pub channels: Vec<ChannelSpec>,
     /// Names of its faults, at most [`MAX_FAULTS`]; bit j of a fault set is fault j.
     pub faults: Vec<String>,
+}
+
+impl SlotSpec {
+    /// Tells diagnosers of several lives of the daemon apart: a hash of the name, the channels and the faults.
+    /// Fault sets and channel numbers of two diagnosers with the same identity mean the same.
+    pub fn identity(&self) -> u64 {
+        let channels = self.channels.iter().map(|channel| channel.name.as_str());
+        let faults = self.faults.iter().map(String::as_str);
+        let counts = [self.channels.len() as u64, self.faults.len() as u64];
+        let hash = fnv_text(fnv(FNV_START, &counts), &self.name);
+        channels.chain(faults).fold(hash, fnv_text)
+    }
 }
 
 /// One channel of a diagnoser.
@@ -73,6 +95,8 @@ pub struct Directory {
     pub boot_id: u128,
     /// Process id of the daemon.
     pub pid: u32,
+    /// Number of the life of the daemon that wrote the first alarm transition of the present numbering.
+    pub alarm_origin: u64,
 }
 
 impl Directory {
@@ -134,6 +158,12 @@ pub enum SpecError {
     /// Records would be stale at once.
     #[error("stale_after_periods is 0, which makes every record stale; use at least 1")]
     StaleAfter,
+    /// The alarm ring has an impossible size.
+    #[error(
+        "an alarm ring of {0} transitions is not possible; use a power of two from {MIN_ALARM_CAPACITY} to \
+             {MAX_ALARM_CAPACITY}"
+    )]
+    AlarmCapacity(u32),
     /// Offsets of texts have 32 bits.
     #[error("the names of all diagnosers and inputs need {0} bytes; a table has room for 4 GiB")]
     TooLarge(usize),
@@ -150,6 +180,10 @@ impl TableSpec {
         }
         if self.stale_after_periods == 0 {
             return Err(SpecError::StaleAfter);
+        }
+        let capacities = MIN_ALARM_CAPACITY..=MAX_ALARM_CAPACITY;
+        if !(self.alarm_capacity.is_power_of_two() && capacities.contains(&self.alarm_capacity)) {
+            return Err(SpecError::AlarmCapacity(self.alarm_capacity));
         }
         Ok(())
     }

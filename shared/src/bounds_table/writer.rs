@@ -1,39 +1,108 @@
 //! The daemon's side of a table.
 
 use std::path::Path;
+use std::sync::atomic::Ordering;
 
-use super::create::{Access, CreateError, create};
+use super::alarm_words::encode_alarm;
+use super::create::{Access, CreateError, PreparedTable};
 use super::directory::Image;
 use super::encoding::store_record;
+use super::futex;
 use super::layout::{STATE_CLOSED, header};
 use super::mapping::WritableMapping;
 use super::protocol::WriteWord;
-use super::spec::TableSpec;
-use crate::counters::{InputCounters, ScheduleCounters};
+use super::spec::{SlotSpec, TableSpec};
+use crate::alarm::{AlarmNumber, AlarmTransition};
+use crate::clock::monotonic_ns;
+use crate::counters::{AlarmStatus, InputCounters, ScheduleCounters};
 use crate::record::StepRecord;
 
 /// The daemon's side of a table.
 ///
-/// Publishing allocates nothing, makes no system call and does not panic: an index outside the specification
+/// Publishing allocates nothing, makes no system call but the wake-up of an alarm, and does not panic: an index outside the specification
 /// is a programming error that debug builds report and release builds ignore. Dropping marks the table closed;
 /// the file stays, so that a client can say that the daemon has ended.
 #[derive(Debug)]
 pub struct TableWriter {
     mapping: WritableMapping,
     image: Image,
+    epoch: u64,
+    /// Of each slot, for its transitions.
+    identities: Vec<u64>,
 }
 
 impl TableWriter {
     /// Creates the table at `path` and makes it the one that clients find there.
     ///
-    /// A complete new file is renamed over whatever lies there; a table of an earlier life is marked closed, and
-    /// temporary files that earlier lives left are removed. One daemon at a time may do this for one path (the
-    /// instance's lock sees to it).
+    /// A complete new file is renamed over whatever lies there; a table of an earlier life is marked closed, its
+    /// alarms are taken over, and temporary files that earlier lives left are removed. One daemon at a time may do
+    /// this for one path (the instance's lock sees to it). [`PreparedTable`] does it in two steps.
     ///
     /// # Errors
     /// See [`CreateError`]. An older table then stays as it was.
     pub fn create(path: &Path, spec: &TableSpec, access: &Access) -> Result<Self, CreateError> {
-        create(path, spec, access).map(|(mapping, image)| Self { mapping, image })
+        PreparedTable::create(path, spec, access)?.publish()
+    }
+
+    /// The writer of a table that clients find by now.
+    pub(super) fn new(mapping: WritableMapping, image: Image, epoch: u64, spec: &TableSpec) -> Self {
+        Self {
+            mapping,
+            image,
+            epoch,
+            identities: spec.slots.iter().map(SlotSpec::identity).collect(),
+        }
+    }
+
+    /// Number of this life of the daemon.
+    pub fn epoch(&self) -> u64 {
+        self.epoch
+    }
+
+    /// Writes a transition of the alarm of the diagnoser in `transition.slot`, wakes everybody who waits for one
+    /// (one system call), and gives the transition's number.
+    ///
+    /// `number`, `identity` and `written_ns` of `transition` are replaced.
+    pub fn raise(&mut self, transition: &AlarmTransition) -> AlarmNumber {
+        let slot = transition.slot as usize;
+        let words = self.mapping.words();
+        let number = self
+            .image
+            .alarms
+            .ring(words)
+            .append(&encode_alarm(&AlarmTransition {
+                number: AlarmNumber {
+                    epoch: self.epoch,
+                    number: 0,
+                },
+                identity: self.identities.get(slot).copied().unwrap_or_default(),
+                written_ns: monotonic_ns(),
+                ..*transition
+            }));
+        let futex = self.mapping.futex(self.image.alarms.wake());
+        futex.store(number as u32, Ordering::Release);
+        self.publish_alarm_status(
+            slot,
+            &AlarmStatus {
+                state: transition.state as u64,
+                flags: u64::from(transition.flags),
+                occurrences: transition.occurrence,
+                number,
+                instant_ns: transition.instant_ns,
+            },
+        );
+        futex::wake_all(futex);
+        AlarmNumber {
+            epoch: self.epoch,
+            number,
+        }
+    }
+
+    /// Shows where the alarm of the slot with the index `slot` stands. [`raise`](Self::raise) does it, too.
+    pub fn publish_alarm_status(&self, slot: usize, status: &AlarmStatus) {
+        if let Some(place) = self.image.slots.get(slot) {
+            self.store(place.alarm, &status.to_words());
+        }
     }
 
     /// Makes `record` the newest one of the slot with the index `slot`.
@@ -73,9 +142,10 @@ impl TableWriter {
         }
     }
 
-    /// Marks the table closed: the daemon ends in good order.
+    /// Marks the table closed, the daemon ends in good order, and wakes whoever waits for an alarm.
     pub fn close(&self) {
         WriteWord::store_release(&self.mapping.words()[header::STATE], STATE_CLOSED);
+        futex::wake_all(self.mapping.futex(self.image.alarms.wake()));
     }
 
     fn store(&self, start: usize, values: &[u64]) {

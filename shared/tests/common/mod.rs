@@ -55,6 +55,7 @@ pub fn spec(slots: Vec<SlotSpec>) -> TableSpec {
         },
         schedule_epoch_ns: 1_000,
         stale_after_periods: 3,
+        alarm_capacity: 64,
     }
 }
 

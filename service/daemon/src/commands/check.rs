@@ -74,6 +74,7 @@ fn daemon(lines: &mut Lines, daemon: &DaemonSection) {
     lines.entry("stale after", format!("{} periods", daemon.stale_after_periods));
     lines.entry("catch-up limit", format!("{} steps", daemon.catch_up_limit));
     lines.entry("record queue", format!("{} records", daemon.record_queue));
+    lines.entry("alarm ring", format!("{} transitions", daemon.alarm_capacity));
     lines.entry("log", &daemon.log);
     lines.entry(
         "gains",

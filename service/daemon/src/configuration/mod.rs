@@ -66,6 +66,8 @@ pub struct DaemonSection {
     pub log: String,
     /// Step records buffered for recorders, >= 1.
     pub record_queue: usize,
+    /// Alarm transitions kept for clients, a power of two.
+    pub alarm_capacity: u32,
     /// File with the gains of all diagnosers; `None`: they are found at the start.
     pub gains_file: Option<PathBuf>,
 }

@@ -25,6 +25,8 @@ pub(super) struct Daemon {
     pub log: String,
     #[serde(default = "default_record_queue")]
     pub record_queue: usize,
+    #[serde(default = "default_alarm_capacity")]
+    pub alarm_capacity: u32,
     #[serde(default)]
     pub gains_file: Option<PathBuf>,
 }
@@ -155,6 +157,10 @@ fn default_log() -> String {
 }
 
 fn default_record_queue() -> usize {
+    1024
+}
+
+fn default_alarm_capacity() -> u32 {
     1024
 }
 

@@ -5,6 +5,7 @@ use crate::configuration::locate::Mistakes;
 use crate::configuration::schema::{Daemon, Group, Realtime};
 use crate::configuration::{DaemonSection, RealtimeSection};
 use nix::unistd;
+use residual_shared::bounds_table::{MAX_ALARM_CAPACITY, MIN_ALARM_CAPACITY};
 use residual_shared::names::{Instance, InstanceName};
 use std::path::Path;
 use tracing_subscriber::EnvFilter;
@@ -65,6 +66,19 @@ pub(in crate::configuration) fn daemon(
         "number of buffered records",
         mistakes,
     );
+    let capacities = MIN_ALARM_CAPACITY..=MAX_ALARM_CAPACITY;
+    if !(section.alarm_capacity.is_power_of_two() && capacities.contains(&section.alarm_capacity)) {
+        mistakes.at(
+            "daemon.alarm_capacity",
+            format!(
+                "{} is no possible number of kept alarm transitions",
+                section.alarm_capacity
+            ),
+            format!(
+                "use a power of two from {MIN_ALARM_CAPACITY} to {MAX_ALARM_CAPACITY}; 1024 is the default"
+            ),
+        );
+    }
     if let Err(error) = EnvFilter::try_new(&section.log) {
         mistakes.at(
             "daemon.log",
@@ -81,6 +95,7 @@ pub(in crate::configuration) fn daemon(
         catch_up_limit: section.catch_up_limit,
         log: section.log,
         record_queue: section.record_queue,
+        alarm_capacity: section.alarm_capacity,
         gains_file: section.gains_file.map(|file| directory.join(file)),
     })
 }
