@@ -1,6 +1,6 @@
 //! The terminal while it is drawn on, and its restoration.
 
-use std::io::{self, Stdout, Write};
+use std::io::{self, BufWriter, Stdout, Write};
 use std::panic;
 use std::sync::Once;
 
@@ -18,7 +18,7 @@ const UNKNOWN_SIZE: Rect = Rect::new(0, 0, 80, 24);
 
 /// The terminal in the state for drawing; restored when dropped, by an error or a panic too.
 pub struct Screen {
-    terminal: Terminal<CrosstermBackend<Stdout>>,
+    terminal: Terminal<CrosstermBackend<BufWriter<Stdout>>>,
     size: Rect,
     /// What the terminal shows.
     shown: Buffer,
@@ -39,15 +39,15 @@ impl Screen {
         terminal::enable_raw_mode()?;
         let size = size();
         let viewport = Viewport::Fixed(size);
+        // A view is one write.
+        let output = BufWriter::with_capacity(1 << 16, io::stdout());
         let taken = execute!(
             io::stdout(),
             terminal::EnterAlternateScreen,
             terminal::DisableLineWrap,
             cursor::Hide
         )
-        .and_then(|()| {
-            Terminal::with_options(CrosstermBackend::new(io::stdout()), TerminalOptions { viewport })
-        });
+        .and_then(|()| Terminal::with_options(CrosstermBackend::new(output), TerminalOptions { viewport }));
         match taken {
             Ok(terminal) => Ok(Self {
                 terminal,
@@ -116,4 +116,53 @@ fn restore() {
     );
     let _ = terminal::disable_raw_mode();
     let _ = output.flush();
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::File;
+    use std::io::Read;
+    use std::process::{Command, Stdio};
+
+    use nix::pty::openpty;
+    use nix::sys::termios::tcgetattr;
+
+    use super::*;
+
+    #[test]
+    #[ignore = "runs on a terminal of its own, in the test below"]
+    #[should_panic]
+    fn panics_while_it_has_the_terminal() {
+        let _screen = Screen::take().unwrap();
+        panic!("out of order");
+    }
+
+    #[test]
+    fn a_panic_is_reported_on_the_restored_terminal() {
+        let pair = openpty(None, None).unwrap();
+        let before = tcgetattr(&pair.slave).unwrap();
+        let side = || Stdio::from(pair.slave.try_clone().unwrap());
+        let test = "watch::screen::tests::panics_while_it_has_the_terminal";
+        let mut command = Command::new(std::env::current_exe().unwrap());
+        command.args([test, "--exact", "--ignored", "--nocapture", "--test-threads=1"]);
+        let mut child = command
+            .stdin(side())
+            .stdout(side())
+            .stderr(side())
+            .spawn()
+            .unwrap();
+        drop(command);
+        let (mut master, mut drawn) = (File::from(pair.master), Vec::new());
+        let mut chunk = [0; 4096];
+        while !String::from_utf8_lossy(&drawn).contains("test result: ok") {
+            let count = master.read(&mut chunk).unwrap();
+            drawn.extend_from_slice(&chunk[..count]);
+        }
+        assert!(child.wait().unwrap().success());
+        assert_eq!(tcgetattr(&pair.slave).unwrap(), before);
+        let drawn = String::from_utf8_lossy(&drawn);
+        let place = |part: &str| drawn.find(part).unwrap_or_else(|| panic!("{part:?}: {drawn}"));
+        assert!(place("\x1b[?1049h") < place("\x1b[?1049l"));
+        assert!(place("\x1b[?1049l") < place("out of order"), "{drawn}");
+    }
 }

@@ -48,7 +48,19 @@ pub fn draw(frame: &mut Frame, area: Rect, diagnoser: &DiagnoserView, state: &Vi
     ];
     frame.render_widget(joined(title, usize::from(area.width)), Rect { height: 1, ..area });
     let [lower, residual, upper] = history.lines(state.channel, window_s);
-    let (low, high) = range([&lower, &residual, &upper]);
+    let below = Rect {
+        y: area.y + 1,
+        height: area.height.saturating_sub(1),
+        ..area
+    };
+    let Some((low, high)) = range([&lower, &residual, &upper]) else {
+        let message = format!("not evaluated within the last {window_s} s");
+        frame.render_widget(
+            Line::styled(message, theme.style(Tone::Quiet)),
+            Rect { height: 1, ..below },
+        );
+        return;
+    };
     let bound = theme.style(Tone::Warn);
     // The residual is drawn last, over its bounds.
     let datasets = datasets(&lower, bound_marker, bound)
@@ -68,11 +80,6 @@ pub fn draw(frame: &mut Frame, area: Rect, diagnoser: &DiagnoserView, state: &Vi
             label(f64::midpoint(low, high)),
             label(high),
         ]));
-    let below = Rect {
-        y: area.y + 1,
-        height: area.height.saturating_sub(1),
-        ..area
-    };
     frame.render_widget(chart, below);
 }
 
@@ -86,18 +93,18 @@ fn datasets(pieces: &Pieces, marker: Marker, style: Style) -> impl Iterator<Item
     })
 }
 
-/// What the vertical axis shows: all values and a margin.
-fn range(lines: [&Pieces; 3]) -> (f64, f64) {
+/// What the vertical axis shows: all values and a margin; `None` if there is no value.
+fn range(lines: [&Pieces; 3]) -> Option<(f64, f64)> {
     let values = || lines.into_iter().flatten().flatten().map(|point| point.1);
     let low = values().fold(f64::INFINITY, f64::min);
     let high = values().fold(f64::NEG_INFINITY, f64::max);
     if low > high {
-        return (-1.0, 1.0);
+        return None;
     }
     let margin = match (high - low) * MARGIN {
         margin if margin > 0.0 && margin.is_finite() => margin,
         // All values are equal.
         _ => low.abs().mul_add(MARGIN, f64::MIN_POSITIVE).max(1e-9),
     };
-    (low - margin, high + margin)
+    Some((low - margin, high + margin))
 }
