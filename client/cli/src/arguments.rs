@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand};
 use residual_client::{DEFAULT_RUNTIME_DIRECTORY, InstanceName, RUNTIME_DIRECTORY_VARIABLE};
 
+use crate::generate::Generated;
 use crate::watch::WatchOptions;
 
 const EXIT_CODES: &str = "\
@@ -58,4 +59,7 @@ pub enum Command {
         #[command(flatten)]
         options: WatchOptions,
     },
+    /// Writes shell completions or man pages.
+    #[command(subcommand, hide = true)]
+    Generate(Generated),
 }

@@ -43,6 +43,14 @@ pub enum Error {
         /// The names there are.
         known: Vec<String>,
     },
+    /// The man pages cannot be written.
+    #[error("cannot write man pages to {}: {source}", directory.display())]
+    ManPages {
+        /// The directory.
+        directory: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
     /// The output cannot be written.
     #[error("cannot write the output: {0}")]
     Output(#[from] io::Error),
@@ -54,7 +62,8 @@ impl Error {
         match self {
             Self::NoInstance(_) | Self::Open(OpenError::NotFound { .. }) => NO_DAEMON,
             Self::SeveralInstances(_) | Self::NoSuchDiagnoser { .. } => USAGE,
-            Self::RuntimeDirectory { .. } | Self::Open(_) | Self::Read(_) | Self::Output(_) => FAILURE,
+            Self::RuntimeDirectory { .. } | Self::Open(_) | Self::Read(_) => FAILURE,
+            Self::ManPages { .. } | Self::Output(_) => FAILURE,
         }
     }
 }

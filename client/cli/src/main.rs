@@ -2,6 +2,7 @@
 
 mod arguments;
 mod error;
+mod generate;
 mod instances;
 mod number;
 mod snapshot;
@@ -36,5 +37,6 @@ fn run(arguments: &Arguments) -> Result<u8, Error> {
     match &arguments.command {
         Command::Status { instance, json } => status::run(&mut open(instance)?, *json),
         Command::Watch { instance, options } => watch::run(&mut open(instance)?, options),
+        Command::Generate(generated) => generate::run(generated, &mut std::io::stdout().lock()),
     }
 }
