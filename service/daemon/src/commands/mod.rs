@@ -4,6 +4,7 @@ mod achieved;
 pub mod check;
 pub mod design;
 pub mod explain;
+pub mod generate;
 #[cfg(feature = "synthesis")]
 pub mod identify;
 mod lines;
