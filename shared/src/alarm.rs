@@ -17,6 +17,7 @@
 //! transition it has seen; whatever is not in the ring any more shows as a gap in the numbers.
 
 use std::fmt;
+use std::str::FromStr;
 
 /// Where the alarm of one diagnoser stands.
 #[repr(u32)]
@@ -89,6 +90,32 @@ impl fmt::Display for AlarmNumber {
     }
 }
 
+/// Why a text is no alarm number.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{text}` is no alarm number; write EPOCH.NUMBER, as in 1760000000000000000.17")]
+pub struct AlarmNumberError {
+    /// The text.
+    pub text: String,
+}
+
+impl FromStr for AlarmNumber {
+    type Err = AlarmNumberError;
+
+    /// Reads what [`Display`](fmt::Display) writes.
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let digits = |part: &str| part.bytes().all(|byte| byte.is_ascii_digit());
+        (text.split_once('.'))
+            .filter(|(epoch, number)| digits(epoch) && digits(number))
+            .and_then(|(epoch, number)| {
+                Some(Self {
+                    epoch: epoch.parse().ok()?,
+                    number: number.parse().ok()?,
+                })
+            })
+            .ok_or_else(|| AlarmNumberError { text: text.into() })
+    }
+}
+
 /// Value of [`AlarmTransition::slot`] and [`AlarmTransition::channel`] for none.
 pub const NONE: u32 = u32::MAX;
 
@@ -149,6 +176,30 @@ mod tests {
     fn numbers_are_ordered_by_life_first() {
         let number = |epoch, number| AlarmNumber { epoch, number };
         assert!(number(2, 1) > number(1, 9));
-        assert_eq!(number(7, 3).to_string(), "7.3");
+    }
+
+    #[test]
+    fn a_number_survives_its_text_and_other_texts_are_refused() {
+        for number in
+            [(7, 3), (0, 0), (u64::MAX, u64::MAX)].map(|(epoch, number)| AlarmNumber { epoch, number })
+        {
+            assert_eq!(number.to_string().parse(), Ok(number));
+        }
+        for bad in [
+            "",
+            "7",
+            "7.",
+            ".3",
+            "7.3.1",
+            "+7.3",
+            "7.-3",
+            "7. 3",
+            "18446744073709551616.1",
+        ] {
+            assert_eq!(
+                bad.parse::<AlarmNumber>(),
+                Err(AlarmNumberError { text: bad.into() })
+            );
+        }
     }
 }

@@ -1,8 +1,17 @@
-//! Polling the diagnosers of a residuald daemon from shared memory.
+//! What a residuald daemon says, for other programs: newest records, alarms, and every record.
 //!
-//! A [`Monitor`] maps the daemon's bounds table read-only. Reading the newest record of a diagnoser makes no
-//! system call and allocates nothing; any number of clients may do it, at any rate, without the daemon noticing.
-//! When the daemon is started again the monitor finds it by itself.
+//! | use | what | example |
+//! |---|---|---|
+//! | poll the bounds | [`Monitor`] | `poll` |
+//! | wait for alarms | [`AlarmListener`] | `alarms` |
+//! | take every step record | `StepRecords`, feature `transport` | `records` |
+//!
+//! The first two read the daemon's bounds table through a read-only mapping: any number of clients, of any user who
+//! may read the file, at any rate, without the daemon noticing. Without features the library depends on nothing but
+//! thin wrappers of system calls. All of them find the daemon again when it is started anew.
+//!
+//! # Polling
+//! Reading the newest record of a diagnoser makes no system call and allocates nothing.
 //!
 //! ```
 //! # use residual_shared::bounds_table::{Access, SlotSpec, TableSpec, TableWriter};
@@ -36,18 +45,76 @@
 //! # Ok(())
 //! # }
 //! ```
+//!
+//! # Alarms
+//! Every transition comes once and in order; what could not be kept for a slow client comes as a gap with its exact
+//! range.
+//!
+//! ```no_run
+//! use std::time::Duration;
+//! use residual_client::{AlarmEvent, AlarmListener, AlarmStart, Instance};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let instance = Instance::from_environment("vehicle".parse()?);
+//! let mut listener = AlarmListener::open(&instance, AlarmStart::Now)?;
+//! while let Some(event) = listener.wait(Duration::from_secs(60)) {
+//!     match event {
+//!         AlarmEvent::Transition(alarm) => {
+//!             let name = alarm.diagnoser_name().unwrap_or("?");
+//!             println!("{name}: {}", alarm.transition.state.name());
+//!         }
+//!         AlarmEvent::Gap { first, last } => println!("{first} to {last} are lost"),
+//!         AlarmEvent::NewNumbering { previous, .. } => println!("unknown what came after {previous}"),
+//!     }
+//! }
+//! # Ok(())
+//! # }
+//! ```
+#![cfg_attr(
+    feature = "transport",
+    doc = r#"
+# Every step record
+```no_run
+use residual_client::{Instance, StepRecords};
 
+# fn main() -> Result<(), Box<dyn std::error::Error>> {
+let mut records = StepRecords::open(&Instance::from_environment("vehicle".parse()?))?;
+loop {
+    records.receive(|header, record| println!("slot {}: step {}", header.slot, record.step));
+    println!("{} lost so far", records.counts().lost);
+    std::thread::sleep(std::time::Duration::from_millis(100));
+}
+# }
+```
+"#
+)]
+
+mod alarm_event;
+mod alarms;
+mod latest_table;
 mod monitor;
 mod reading;
+#[cfg(feature = "transport")]
+mod step_records;
 
-pub use monitor::{DaemonState, Followed, Monitor, MonitorError, RETRY_PERIOD_NS};
+pub use alarm_event::{Alarm, AlarmEvent};
+pub use alarms::{AlarmListener, AlarmStart};
+pub use latest_table::{DaemonState, RETRY_PERIOD_NS};
+pub use monitor::{Followed, Monitor, MonitorError};
 pub use reading::{Freshness, Reading};
+pub use residual_shared::alarm::{
+    AlarmNumber, AlarmNumberError, AlarmState, AlarmTransition, NONE, alarm_flags,
+};
 pub use residual_shared::bounds_table::{
     ChannelSpec, Directory, InputSpec, Liveness, OpenError, ReadError, SlotSpec, TableReader, TableSpec,
 };
 pub use residual_shared::clock::{DaemonTime, monotonic_ns};
-pub use residual_shared::counters::{InputCounters, ScheduleCounters};
+pub use residual_shared::counters::{AlarmStatus, InputCounters, ScheduleCounters};
 pub use residual_shared::names::{
     DEFAULT_RUNTIME_DIRECTORY, Instance, InstanceName, InstanceNameError, RUNTIME_DIRECTORY_VARIABLE,
 };
 pub use residual_shared::record::{Channel, StepRecord, Verdict, flags};
+#[cfg(feature = "transport")]
+pub use residual_shared::transport::{RecordHeader, TransportError};
+#[cfg(feature = "transport")]
+pub use step_records::{RecordCounts, StepRecords};

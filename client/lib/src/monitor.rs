@@ -1,53 +1,27 @@
 //! A client's view of one instance, over all lives of its daemon.
 
-use std::path::PathBuf;
-use std::time::Duration;
-
-use residual_shared::bounds_table::{Liveness, OpenError, ReadError, TableReader};
+use residual_shared::bounds_table::{OpenError, ReadError, TableReader};
 use residual_shared::clock::monotonic_ns;
 use residual_shared::names::Instance;
 use residual_shared::record::StepRecord;
 
+use crate::latest_table::{DaemonState, LatestTable};
 use crate::reading::{Freshness, Reading};
-
-/// How often a monitor without a living daemon looks for one, nanoseconds: 20 ms.
-///
-/// Soon enough that a restart costs a client a few steps at most, rare enough that a hundred waiting clients
-/// cost nothing (one `stat` each).
-pub const RETRY_PERIOD_NS: u64 = 20_000_000;
 
 /// A client's view of one instance, over all lives of its daemon.
 ///
 /// While the daemon lives, reading makes no system call but for the clock, which needs none on the usual
-/// processors. When it does not, reads look for a new one, at most every [`RETRY_PERIOD_NS`].
+/// processors. When it does not, reads look for a new one, at most every
+/// [`RETRY_PERIOD_NS`](crate::RETRY_PERIOD_NS).
 #[derive(Debug)]
 pub struct Monitor {
-    path: PathBuf,
-    table: Option<TableReader>,
-    /// Why the latest attempt to open a table failed.
-    error: Option<OpenError>,
-    retry_at_ns: u64,
+    latest: LatestTable,
     followed: Vec<(String, Option<usize>)>,
 }
 
 /// A diagnoser of one monitor, found by its name in every life of the daemon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Followed(usize);
-
-/// Whether there is a daemon, and if not, why.
-#[derive(Clone, Copy, Debug)]
-pub enum DaemonState<'a> {
-    /// It lives.
-    Running,
-    /// It has given no sign of life for this long: stopped, killed, or kept from running.
-    Hung(Duration),
-    /// It has ended in good order, or before the machine's last boot.
-    Closed,
-    /// Its table cannot be opened.
-    Unreachable(&'a OpenError),
-    /// Nothing has been looked for yet.
-    Unknown,
-}
 
 /// Why a diagnoser could not be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -75,10 +49,9 @@ impl Monitor {
     /// See [`OpenError`]: above all when no daemon has run yet, or this user may not read its table. A daemon
     /// that has run and ended gives no error, its readings are [`Freshness::Dead`].
     pub fn open(instance: &Instance) -> Result<Self, OpenError> {
-        let table = TableReader::open(&instance.bounds_path())?;
         Ok(Self {
-            table: Some(table),
-            ..Self::connect(instance)
+            latest: LatestTable::open(instance)?,
+            followed: Vec::new(),
         })
     }
 
@@ -86,31 +59,21 @@ impl Monitor {
     /// reads as [`Freshness::Dead`].
     pub fn connect(instance: &Instance) -> Self {
         Self {
-            path: instance.bounds_path(),
-            table: None,
-            error: None,
-            retry_at_ns: 0,
+            latest: LatestTable::unknown(instance),
             followed: Vec::new(),
         }
     }
 
     /// The table of the latest known life of the daemon: its directory and counters.
     pub fn table(&self) -> Option<&TableReader> {
-        self.table.as_ref()
+        self.latest.table.as_ref()
     }
 
     /// Whether the daemon lives. Looks for a new one if it does not, as a read does.
     pub fn state(&mut self) -> DaemonState<'_> {
         let now_ns = monotonic_ns();
         self.refresh(now_ns);
-        let liveness = self.table.as_ref().map(|table| table.liveness(now_ns));
-        match (liveness, &self.error) {
-            (Some(Liveness::Running), _) => DaemonState::Running,
-            (_, Some(error)) => DaemonState::Unreachable(error),
-            (Some(Liveness::Hung(age)), None) => DaemonState::Hung(age),
-            (Some(Liveness::Closed), None) => DaemonState::Closed,
-            (None, None) => DaemonState::Unknown,
-        }
+        self.latest.state(now_ns)
     }
 
     /// A handle that finds the diagnoser `name` in this and every later life of the daemon, wherever it lies.
@@ -119,7 +82,7 @@ impl Monitor {
     /// [`MonitorError::NoSuchDiagnoser`] if there is a daemon and it has none of this name.
     pub fn follow(&mut self, name: &str) -> Result<Followed, MonitorError> {
         self.refresh(monotonic_ns());
-        let slot = match &self.table {
+        let slot = match &self.latest.table {
             Some(table) => Some(slot_of(table, name)?),
             None => None,
         };
@@ -134,7 +97,7 @@ impl Monitor {
     pub fn read(&mut self, name: &str, record: &mut StepRecord) -> Result<Reading, MonitorError> {
         let now_ns = monotonic_ns();
         self.refresh(now_ns);
-        let Some(table) = &self.table else {
+        let Some(table) = &self.latest.table else {
             return Ok(NO_DAEMON);
         };
         Ok(Reading::take(table, slot_of(table, name)?, record, now_ns)?)
@@ -155,7 +118,7 @@ impl Monitor {
             .followed
             .get(diagnoser.0)
             .ok_or(MonitorError::ForeignHandle)?;
-        let Some(table) = &self.table else {
+        let Some(table) = &self.latest.table else {
             return Ok(NO_DAEMON);
         };
         let slot = slot.ok_or_else(|| no_such_diagnoser(table, name))?;
@@ -164,23 +127,11 @@ impl Monitor {
 
     /// Looks for a new life of the daemon, unless the known one lives or it was looked for just now.
     fn refresh(&mut self, now_ns: u64) {
-        let is_running = |table: &TableReader| table.liveness(now_ns) == Liveness::Running;
-        if self.table.as_ref().is_some_and(is_running) || now_ns < self.retry_at_ns {
-            return;
-        }
-        self.retry_at_ns = now_ns.saturating_add(RETRY_PERIOD_NS);
-        if self.table.as_ref().is_some_and(|table| !table.is_replaced()) {
-            return;
-        }
-        match TableReader::open(&self.path) {
-            Ok(table) => {
-                for (name, slot) in &mut self.followed {
-                    *slot = table.directory().slot_of(name);
-                }
-                self.table = Some(table);
-                self.error = None;
+        if let Some(table) = self.latest.find_later(now_ns) {
+            for (name, slot) in &mut self.followed {
+                *slot = table.directory().slot_of(name);
             }
-            Err(error) => self.error = Some(error),
+            self.latest.set(table);
         }
     }
 }

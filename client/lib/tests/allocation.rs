@@ -6,8 +6,8 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use residual_client::{
-    ChannelSpec, DaemonTime, Freshness, Instance, Monitor, ScheduleCounters, SlotSpec, StepRecord, TableSpec,
-    Verdict, monotonic_ns,
+    AlarmListener, AlarmStart, ChannelSpec, DaemonTime, Freshness, Instance, Monitor, ScheduleCounters,
+    SlotSpec, StepRecord, TableSpec, Verdict, monotonic_ns,
 };
 use residual_shared::bounds_table::{Access, TableWriter};
 
@@ -77,6 +77,7 @@ fn publishing_and_reading_allocate_nothing() {
     let mut writer = TableWriter::create(&instance.bounds_path(), &spec, &access).unwrap();
     let mut monitor = Monitor::open(&instance).unwrap();
     let followed = monitor.follow("a").unwrap();
+    let mut listener = AlarmListener::open(&instance, AlarmStart::Now).unwrap();
     let mut record = StepRecord::new(30);
     record.verdict = Verdict::Nominal as u32;
     let mut back = StepRecord::new(0);
@@ -91,6 +92,7 @@ fn publishing_and_reading_allocate_nothing() {
             let reading = monitor.read_followed(followed, &mut back).unwrap();
             assert_eq!((reading.freshness, back.step), (Freshness::Fresh, step));
             monitor.read("a", &mut back).unwrap();
+            assert_eq!(listener.try_next(), None);
         }
     });
     assert_eq!(count, 0);

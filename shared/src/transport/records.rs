@@ -107,9 +107,19 @@ impl RecordSubscriber {
 
     /// Hands every waiting record to `take`, oldest first; returns how many.
     pub fn receive(&self, mut take: impl FnMut(RecordHeader, &StepRecord)) -> usize {
+        self.receive_with_publisher(|_, header, record| take(header, record))
+    }
+
+    /// Hands every waiting record to `take` as (publisher, header, record), oldest first; returns how many. Each
+    /// life of the daemon is another publisher, whose sequence numbers begin with 0.
+    pub fn receive_with_publisher(&self, mut take: impl FnMut(u128, RecordHeader, &StepRecord)) -> usize {
         let mut count = 0;
         while let Ok(Some(sample)) = self.subscriber.receive() {
-            take(*sample.user_header(), sample.payload());
+            take(
+                sample.header().publisher_id().value(),
+                *sample.user_header(),
+                sample.payload(),
+            );
             count += 1;
         }
         count

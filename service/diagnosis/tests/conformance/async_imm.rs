@@ -9,6 +9,7 @@ use residual_diagnosis::{
     covariance::semidefinite_factor,
     diagnoser::PacketSource,
 };
+use std::sync::OnceLock;
 
 /// What happens to packets on their way.
 #[derive(Clone, Copy, PartialEq)]
@@ -188,6 +189,7 @@ fn case(top: &str, mixing: &str) -> Case {
             steps: 1000,
             at_most: true,
         },
+        designed: OnceLock::new(),
     }
 }
 

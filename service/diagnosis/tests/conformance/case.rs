@@ -5,6 +5,7 @@ use residual_diagnosis::{
     diagnoser::{Diagnoser, PacketHeader, Packets, StepInput, StepRecord},
     method::{Designed, MethodOptions},
 };
+use std::sync::{Mutex, OnceLock};
 
 /// What a method says about alarms without a fault.
 #[derive(Clone, Copy, Debug)]
@@ -43,6 +44,8 @@ pub struct Case {
     pub plant: fn(u64) -> Box<dyn Plant>,
     /// Its word on false alarms.
     pub promise: Promise,
+    /// What the first design made: designing may take as long as a thousand steps.
+    pub designed: OnceLock<Mutex<Box<dyn Diagnoser>>>,
 }
 
 /// Designs the diagnoser of a method's tables.
@@ -53,9 +56,15 @@ pub fn design<T: MethodOptions>(tables: &str, sample_time_s: f64) -> Designed {
 }
 
 impl Case {
-    /// A new diagnoser.
-    pub fn diagnoser(&self) -> Box<dyn Diagnoser> {
+    /// A diagnoser designed anew, as every start of the daemon does.
+    pub fn design_anew(&self) -> Box<dyn Diagnoser> {
         (self.design)(&self.tables, self.period_ns as f64 * 1e-9).diagnoser
+    }
+
+    /// A diagnoser without a past: a copy of one that was designed once for all tests of the case.
+    pub fn diagnoser(&self) -> Box<dyn Diagnoser> {
+        let designed = self.designed.get_or_init(|| Mutex::new(self.design_anew()));
+        designed.lock().unwrap().boxed_clone()
     }
 
     /// The input of instant `k` (from 1 on) as the runtime would hand it over.

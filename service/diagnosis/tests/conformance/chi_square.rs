@@ -5,6 +5,7 @@ use crate::conforms;
 use crate::plant::{Draw, LinearPlant, Noise, Plant, Sample};
 use nalgebra::DMatrix;
 use residual_diagnosis::chi_square::ChiSquareOptions;
+use std::sync::OnceLock;
 
 const MATRICES: &str = r#"
 transition = [[1.0, 0.1, -0.005], [0.0, 1.0, -0.1], [0.0, 0.0, 0.999]]
@@ -69,6 +70,7 @@ fn case(options: &str, promise: Promise) -> Case {
         period_ns: 100_000_000,
         plant: vehicle,
         promise,
+        designed: OnceLock::new(),
     }
 }
 

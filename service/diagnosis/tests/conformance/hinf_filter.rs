@@ -8,6 +8,7 @@ use residual_diagnosis::hinf_filter::{
     options::HinfFilterOptions,
     plant::{Plant as ContinuousPlant, zoh},
 };
+use std::sync::OnceLock;
 
 /// Disturbances: one of the state, one of each sensor. Faults: the actuator, the first sensor.
 const MODEL: &str = "
@@ -79,6 +80,7 @@ fn case(faults: &str, tables: &str, plant: fn(u64) -> Box<dyn Plant>) -> Case {
         period_ns: 50_000_000,
         plant,
         promise: Promise::NoFalseAlarm,
+        designed: OnceLock::new(),
     }
 }
 

@@ -88,13 +88,13 @@ pub fn description_is_sound(case: &Case) {
 /// Two diagnosers, and a copy, say the same about the same samples.
 pub fn repetition_gives_equal_bits(case: &Case) {
     let samples = samples(case, 2);
-    let mut first = case.diagnoser();
+    let mut first = case.design_anew();
     let mut copy = first.boxed_clone();
     let records = run(case, &mut first, &samples, 1, |_, _| {});
     assert_same_bits(
         "again",
         &records,
-        &run(case, &mut case.diagnoser(), &samples, 1, |_, _| {}),
+        &run(case, &mut case.design_anew(), &samples, 1, |_, _| {}),
     );
     assert_same_bits("copy", &records, &run(case, &mut copy, &samples, 1, |_, _| {}));
 }
@@ -108,8 +108,9 @@ pub fn saved_state_goes_on(case: &Case) {
             states.push((k, saved(diagnoser.as_ref())));
         }
     });
+    let new = case.design_anew();
     for (k, state) in states {
-        let mut other = case.diagnoser();
+        let mut other = new.boxed_clone();
         // The state that a restore replaces must not matter.
         run(case, &mut other, &samples[..25], 1, |_, _| {});
         other.restore(&state).unwrap();
@@ -309,9 +310,9 @@ fn check_record(record: &StepRecord, silent: bool) {
 /// No step, skip or reset allocates: of a new diagnoser, of its copy, of one that took over a state.
 pub fn no_step_allocates(case: &Case) {
     let samples = samples(case, 7);
-    let new = case.diagnoser();
+    let new = case.design_anew();
     let copy = new.boxed_clone();
-    let mut restored = case.diagnoser();
+    let mut restored = case.design_anew();
     let mut saver = case.diagnoser();
     run(case, &mut saver, &samples[..60], 1, |_, _| {});
     restored.restore(&saved(saver.as_ref())).unwrap();

@@ -5,6 +5,7 @@ use crate::conforms;
 use crate::plant::{Draw, LinearPlant, Noise, Plant};
 use nalgebra::DMatrix;
 use residual_diagnosis::reduced_order_observer::options::ReducedOrderObserverOptions;
+use std::sync::OnceLock;
 
 const SERVO: &str = r#"
 [model]
@@ -93,6 +94,7 @@ fn case(options: &str) -> Case {
         period_ns: 100_000_000,
         plant: servo,
         promise: Promise::NoFalseAlarm,
+        designed: OnceLock::new(),
     }
 }
 

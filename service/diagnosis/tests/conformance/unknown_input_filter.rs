@@ -5,6 +5,7 @@ use crate::conforms;
 use crate::plant::{Draw, LinearPlant, Noise, Plant};
 use nalgebra::DMatrix;
 use residual_diagnosis::unknown_input_filter::tables::UnknownInputFilterTables;
+use std::sync::OnceLock;
 
 const MODEL: &str = r#"
 [model]
@@ -73,6 +74,7 @@ fn case(options: &str) -> Case {
         period_ns: 10_000_000,
         plant: aircraft,
         promise: Promise::NoFalseAlarm,
+        designed: OnceLock::new(),
     }
 }
 

@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use residual_diagnosis::{
-    diagnoser::{Verdict, flags},
+    diagnoser::{Diagnoser, Verdict, flags},
     hinf_filter::{HinfFilter, options::HinfFilterOptions, plant::Plant},
 };
 
@@ -82,6 +82,9 @@ fn options(plant: &Plant, listed: &[DMatrix<f64>], tables: &str) -> HinfFilterOp
     toml::from_str(&text).unwrap()
 }
 
+/// Kinds of disturbance.
+const DISTURBANCES: usize = 4;
+
 /// Disturbances of unit amplitude.
 fn disturbance(kind: usize, k: usize, m: usize, random: &mut Random) -> DVector<f64> {
     DVector::from_fn(m, |j, _| match kind {
@@ -92,7 +95,8 @@ fn disturbance(kind: usize, k: usize, m: usize, random: &mut Random) -> DVector<
     })
 }
 
-/// Drives a filter with a fault-free plant and returns the largest |r̃|/ρ and J/Jth.
+/// Drives a filter with a fault-free plant, `steps` instants under each kind of disturbance, and returns the largest
+/// |r̃|/ρ and J/Jth.
 fn largest_ratio(
     plant: &Plant,
     filter: &mut HinfFilter,
@@ -100,10 +104,24 @@ fn largest_ratio(
     steps: usize,
     random: &mut Random,
 ) -> f64 {
+    let ratio = |kind| largest_ratio_under(kind, plant, filter, prior, steps, random);
+    (0..DISTURBANCES).map(ratio).fold(0.0, f64::max)
+}
+
+/// The same for one kind of disturbance.
+fn largest_ratio_under(
+    kind: usize,
+    plant: &Plant,
+    filter: &mut HinfFilter,
+    prior: f64,
+    steps: usize,
+    random: &mut Random,
+) -> f64 {
+    filter.reset();
     let sampled = plant.sample(TS);
     let (n, m) = (plant.a.nrows(), plant.bd.ncols());
     let mut x = DVector::from_fn(n, |_, _| prior * random.unit().signum());
-    let (kind, level) = (random.below(4), 3.0 * random.unit());
+    let level = 3.0 * random.unit();
     let mut worst = 0.0_f64;
     for k in 0..steps {
         let d = disturbance(kind, k, m, random);
@@ -155,18 +173,18 @@ fn containment(plants: u64, steps: usize) {
 
 #[test]
 fn no_fault_free_run_of_a_random_plant_alarms() {
-    containment(60, 500);
+    containment(24, 500);
 }
 
 #[test]
-#[ignore = "180 000 steps as in the method sheet; cargo test --test hinf_filter -- --ignored"]
-fn no_fault_free_run_of_a_random_plant_alarms_in_180_000_steps() {
+#[ignore = "more than the 180 000 steps of the method sheet; cargo test --test hinf_filter -- --ignored"]
+fn no_fault_free_run_of_300_random_plants_alarms() {
     containment(300, 600);
 }
 
 #[test]
 fn no_listed_model_alarms() {
-    for seed in 0..24 {
+    for seed in 0..12 {
         let mut random = Random::new(1000 + seed);
         let plant = random.plant();
         let listed: Vec<_> = [1.03, 0.96].iter().map(|factor| &plant.a * *factor).collect();

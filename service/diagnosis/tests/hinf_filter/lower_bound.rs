@@ -50,11 +50,11 @@ fn a_weak_direct_disturbance_does_not_make_a_riccati_design_impossible() {
     }
 }
 
-#[test]
-fn no_gain_of_200_random_plants_lies_below_the_bound() {
+/// Plants of every dimension and size of the direct term; every 12 have other dimensions, every 41 other sizes.
+fn no_gain_lies_below_the_bound(plants: usize) {
     let mut random = ChaCha8Rng::seed_from_u64(35);
     let (mut above_direct, mut close) = (0, 0);
-    for round in 0..200 {
+    for round in 0..plants {
         let (n, m, q) = (2 + round % 4, 1 + round % 2, 1 + round % 3);
         let mut entries = |rows: usize, columns: usize| {
             DMatrix::from_fn(rows, columns, |_, _| random.random_range(-1.0..=1.0))
@@ -98,7 +98,21 @@ fn no_gain_of_200_random_plants_lies_below_the_bound() {
         close += usize::from(bound >= 0.99 * least);
     }
     println!("{above_direct} above the direct term, {close} within 1 % of a gain");
-    assert!(above_direct >= 60 && close >= 150, "{above_direct} {close}");
+    assert!(
+        above_direct * 10 >= plants * 3 && close * 4 >= plants * 3,
+        "{above_direct} {close}"
+    );
+}
+
+#[test]
+fn no_gain_of_a_random_plant_lies_below_the_bound() {
+    no_gain_lies_below_the_bound(48);
+}
+
+#[test]
+#[ignore = "four times as many; cargo test -p residual-diagnosis --test hinf_filter -- --ignored"]
+fn no_gain_of_200_random_plants_lies_below_the_bound() {
+    no_gain_lies_below_the_bound(200);
 }
 
 /// T = C Bdd / z with the gain that forgets the state at once.

@@ -1,9 +1,6 @@
 //! The figures that the README states for the recorded drive.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-mod recordings;
-
-use recordings::Recording;
+use crate::recordings::Recording;
 use serde_json::Value;
 
 /// Column, size of the offset, faulty component, and the longest delay of either diagnoser with all samples, s.

@@ -1,9 +1,6 @@
 //! The figures that the README states for the flights with real faults.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-mod recordings;
-
-use recordings::Recording;
+use crate::recordings::Recording;
 use serde_json::Value;
 
 /// Detected faults, faults, and runs with false alarms of a kind of flight by a diagnoser.

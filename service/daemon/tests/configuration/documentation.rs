@@ -1,9 +1,6 @@
 //! Every key of a configuration is documented, and every documented key stands in the example of its method.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-mod common;
-
-use common::{mistakes_of, repository};
+use crate::common::{mistakes_of, repository};
 
 /// A method's document and its complete example, both in `deploy/config`.
 const METHODS: [(&str, &str); 5] = [

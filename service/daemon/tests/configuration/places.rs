@@ -1,7 +1,4 @@
 //! The daemon and what lies, or does not lie, where its files should be.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
-mod support;
 
 use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
@@ -9,9 +6,9 @@ use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::Command;
 
+use crate::support::daemon::{Daemon, Finished, finish, program};
+use crate::support::{DIAGNOSER, Stage, is_root, wait_until};
 use residual_client::{DaemonState, Freshness, Monitor, OpenError, StepRecord};
-use support::daemon::{Daemon, Finished, finish, program};
-use support::{DIAGNOSER, Stage, is_root, wait_until};
 
 /// A user and a group that no account needs to have.
 const STRANGER: u32 = 61_002;

@@ -1,5 +1,4 @@
 //! Gains files through the program: written, read back, explained, and refused where they do not hold.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use residual_diagnosis::gains::file::GainsFile;
 use residuald::configuration::Configuration;

@@ -1,9 +1,6 @@
 //! The gains files of the examples belong to the examples, hold, and are what `design` finds.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-mod common;
-
-use common::repository;
+use crate::common::repository;
 use residual_diagnosis::gains::file::GainsFile;
 use residuald::configuration::{Configuration, Loaded};
 use std::path::PathBuf;

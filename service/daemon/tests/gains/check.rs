@@ -1,9 +1,6 @@
 //! `residuald check` as its user sees it.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-mod common;
-
-use common::{VTOL, line_of, mistakes_of, repository, vtol_with};
+use crate::common::{VTOL, line_of, mistakes_of, repository, vtol_with};
 use std::path::Path;
 use std::process::{Command, Output};
 

@@ -1,16 +1,13 @@
 //! Replays of recordings with labelled faults, irregular rows and lost samples, and the table of what was detected.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
-mod support;
 
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::support::Stage;
+use crate::support::daemon::{Daemon, finish, program};
 use residuald::demo::plants::aircraft::{Aircraft, Disturbance};
 use serde_json::Value;
-use support::Stage;
-use support::daemon::{Daemon, finish, program};
 
 /// Sampling period, s.
 const PERIOD_S: f64 = 0.08;

@@ -1,9 +1,6 @@
 //! `residuald design --plot` draws what there is to draw, and never instead of the gains.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-mod common;
-
-use common::repository;
+use crate::common::repository;
 use std::path::Path;
 use std::process::{Command, Output};
 

@@ -1,9 +1,6 @@
 //! The figures that the README states for the recorded car.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-mod recordings;
-
-use recordings::Recording;
+use crate::recordings::Recording;
 
 fn recording() -> Option<Recording> {
     Recording::find("f1tenth.csv", "f1tenth.toml")

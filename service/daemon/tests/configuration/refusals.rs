@@ -1,9 +1,6 @@
 //! Every mistake in a configuration is refused at its place, with what to do about it.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-mod common;
-
-use common::{VTOL, line_of, mistakes_of, vtol_with};
+use crate::common::{VTOL, line_of, mistakes_of, vtol_with};
 use residual_diagnosis::unknown_input_filter::tables::UnknownInputFilterTables;
 use residuald::configuration::{Configuration, ConfigurationError, MethodConfiguration, SignalReference};
 use std::path::Path;

@@ -1,18 +1,15 @@
 //! `residuald identify` through the binary: on simulated recordings, and on a real car and real flights.
 //!
 //! The recordings of vehicles are no part of the project; without them their tests say so and pass.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
-mod recordings;
 
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use crate::recordings::Recording;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use recordings::Recording;
 
 fn repository(path: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..").join(path)

@@ -1,9 +1,6 @@
 //! What a method refuses is shown at its line of the configuration, with the condition that fails and a way out.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-mod common;
-
-use common::{line_of, mistakes_of, repository};
+use crate::common::{line_of, mistakes_of, repository};
 
 /// In an example `good` is replaced by `bad`: the only mistake is shown at the line of `place` and says `condition`.
 fn refuses(example: &str, good: &str, bad: &str, place: &str, condition: &str) {
