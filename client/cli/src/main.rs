@@ -30,13 +30,11 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<u8, Error> {
-    let open = |name: &Option<_>| -> Result<Monitor, Error> {
-        let instance = instances::choose(name.as_ref(), &arguments.runtime_directory)?;
-        Ok(Monitor::open(&instance)?)
-    };
+    let choose = |name: &Option<_>| instances::choose(name.as_ref(), &arguments.runtime_directory);
+    let open = |name| -> Result<Monitor, Error> { Ok(Monitor::open(&choose(name)?)?) };
     match &arguments.command {
         Command::Status { instance, json } => status::run(&mut open(instance)?, *json),
-        Command::Watch { instance, options } => watch::run(&mut open(instance)?, options),
+        Command::Watch { instance, options } => watch::run(&choose(instance)?, options),
         Command::Generate(generated) => generate::run(generated, &mut std::io::stdout().lock()),
     }
 }

@@ -85,6 +85,8 @@ fn json_has_every_channel_with_null_and_strings_for_numbers_it_cannot_hold() {
     assert_eq!(front["channels"][0]["residual"], 1.0);
     assert_eq!(front["channels"][1]["ratio"], Value::Null);
     assert_eq!(front["fault_estimate"], Value::Null);
+    assert_eq!(front["alarm"]["state"], "cleared");
+    assert_eq!(front["alarm"]["occurrences"], 0);
     assert_eq!(front["worst_channel"]["name"], "force");
     assert_eq!(json["inputs"][0]["counters"]["accepted"], 0);
     assert_eq!(output.status.code(), Some(0));

@@ -7,7 +7,7 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use ratatui::crossterm::event::{self, Event};
-use residual_client::Monitor;
+use residual_client::{AlarmListener, Monitor};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use super::WatchOptions;
@@ -19,8 +19,11 @@ use crate::snapshot::Snapshot;
 /// Longest time without a look at signals and at the size of the terminal.
 const SLICE: Duration = Duration::from_millis(50);
 
+/// Alarm transitions that are taken in one look, so that keys are obeyed in the meantime.
+const EVENTS: usize = 100_000;
+
 /// Draws views until the count is reached or the user ends it.
-pub fn run(monitor: &mut Monitor, options: &WatchOptions) -> Result<u8, Error> {
+pub fn run(monitor: &mut Monitor, mut alarms: AlarmListener, options: &WatchOptions) -> Result<u8, Error> {
     let end = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM, SIGHUP] {
         signal_hook::flag::register(signal, Arc::clone(&end))?;
@@ -41,6 +44,10 @@ pub fn run(monitor: &mut Monitor, options: &WatchOptions) -> Result<u8, Error> {
             // The daemon writes faster than can be read; the next look may succeed.
             Err(Error::Read(error)) => state.failed_look(&error),
             Err(error) => return Err(error),
+        }
+        let events = std::iter::from_fn(|| alarms.try_next()).take(EVENTS);
+        for event in events.filter(|event| options.is_heard(event)) {
+            state.alarms.hear(event);
         }
         screen.draw(&state)?;
         left = left.map(|left| left - 1);

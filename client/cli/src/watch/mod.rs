@@ -1,5 +1,6 @@
 //! `residual watch`: every channel between its bounds, again and again.
 
+mod alarm_log;
 mod history;
 mod interactive;
 mod lines;
@@ -10,7 +11,7 @@ mod view;
 use std::io::{self, IsTerminal};
 
 use clap::Args;
-use residual_client::Monitor;
+use residual_client::{AlarmEvent, AlarmListener, AlarmStart, Instance, Monitor};
 
 use crate::error::Error;
 use crate::snapshot::{DiagnoserView, Snapshot};
@@ -33,8 +34,9 @@ pub struct WatchOptions {
 }
 
 /// Watches until the count is reached or the user ends it; gives the exit code.
-pub fn run(monitor: &mut Monitor, options: &WatchOptions) -> Result<u8, Error> {
-    if let Some(snapshot) = Snapshot::take(monitor)? {
+pub fn run(instance: &Instance, options: &WatchOptions) -> Result<u8, Error> {
+    let mut monitor = Monitor::open(instance)?;
+    if let Some(snapshot) = Snapshot::take(&mut monitor)? {
         let known = || snapshot.diagnosers.iter().map(|diagnoser| diagnoser.name.clone());
         if let Some(name) = options
             .diagnosers
@@ -48,16 +50,29 @@ pub fn run(monitor: &mut Monitor, options: &WatchOptions) -> Result<u8, Error> {
         }
     }
     if io::stdout().is_terminal() {
-        interactive::run(monitor, options)
+        let alarms = AlarmListener::connect(instance, AlarmStart::Oldest);
+        interactive::run(&mut monitor, alarms, options)
     } else {
-        lines::run(monitor, options)
+        lines::run(&mut monitor, options)
     }
 }
 
 impl WatchOptions {
     /// Whether this diagnoser is watched.
     fn is_watched(&self, diagnoser: &DiagnoserView) -> bool {
-        self.diagnosers.is_empty() || self.diagnosers.contains(&diagnoser.name)
+        self.has_chosen(&diagnoser.name)
+    }
+
+    /// Whether this is of a watched diagnoser, or missing, so that it may be.
+    fn is_heard(&self, event: &AlarmEvent) -> bool {
+        match event {
+            AlarmEvent::Transition(alarm) => alarm.diagnoser_name().is_none_or(|name| self.has_chosen(name)),
+            _ => true,
+        }
+    }
+
+    fn has_chosen(&self, diagnoser: &str) -> bool {
+        self.diagnosers.is_empty() || self.diagnosers.iter().any(|name| name == diagnoser)
     }
 
     /// Whether colours may be shown (<https://no-color.org>).

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 use residual_client::ReadError;
 
+use super::alarm_log::AlarmLog;
 use super::history::{History, LONGEST_WINDOW_S};
 use crate::snapshot::{DiagnoserView, Snapshot};
 
@@ -24,6 +25,8 @@ pub enum Page {
     List,
     /// One diagnoser with its channels and a plot.
     Detail,
+    /// The alarm transitions.
+    Alarms,
 }
 
 /// What the view shows.
@@ -37,6 +40,8 @@ pub struct ViewState {
     pub page: Page,
     /// Whether colours are shown.
     pub has_colour: bool,
+    /// The alarm transitions that were heard.
+    pub alarms: AlarmLog,
     /// Index of the selected diagnoser.
     pub selected: usize,
     /// Index of the selected channel.
@@ -53,6 +58,7 @@ impl ViewState {
             failure: None,
             page: Page::List,
             has_colour,
+            alarms: AlarmLog::default(),
             selected: 0,
             channel: 0,
             window: 3,
@@ -90,7 +96,9 @@ impl ViewState {
         self.snapshot = Some(snapshot);
         if self.diagnoser().is_none() {
             self.selected = 0;
-            self.page = Page::List;
+            if self.page == Page::Detail {
+                self.page = Page::List;
+            }
         }
     }
 
@@ -127,8 +135,14 @@ impl ViewState {
             (KeyCode::Enter, Page::List) if self.diagnoser().is_some() => {
                 (self.page, self.channel) = (Page::Detail, 0);
             }
+            (KeyCode::Char('a'), Page::Alarms) => self.page = Page::List,
+            (KeyCode::Char('a'), _) => self.page = Page::Alarms,
             (code, Page::List) => self.move_in_list(code),
             (code, Page::Detail) => self.move_in_detail(code),
+            (code, Page::Alarms) => {
+                let above = moved(self.alarms.above(), self.alarms.count(), code);
+                self.alarms.scroll_to(above);
+            }
         }
         false
     }

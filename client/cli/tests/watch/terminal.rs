@@ -91,12 +91,13 @@ impl Terminal {
             .any(|cell| cell.fgcolor() != vt100::Color::Default || cell.bgcolor() != vt100::Color::Default)
     }
 
-    /// Waits until all these words are shown and the view is complete.
+    /// Waits until all these words are shown, however far apart, and the view is complete.
     pub fn wait_for(&mut self, words: &[&str]) -> String {
         let deadline = Instant::now() + PATIENCE;
         loop {
             let text = self.text();
-            if words.iter().all(|word| text.contains(word)) {
+            let squeezed = text.split_whitespace().collect::<Vec<_>>().join(" ");
+            if words.iter().all(|word| squeezed.contains(word)) {
                 self.settle();
                 return self.text();
             }

@@ -4,7 +4,7 @@ use ratatui::text::{Line, Span};
 
 use super::theme::Theme;
 
-/// Least widths of the first two columns where they must give way: names, then states.
+/// Least widths of the first two columns of rank 0 where they must give way: names, then states.
 const LEAST: [usize; 2] = [10, 8];
 
 /// One column.
@@ -93,8 +93,9 @@ fn widths(columns: &[Column], rows: &[Vec<Span>], width: usize) -> Vec<Option<us
             _ => break,
         }
     }
-    // Then the first columns give way.
-    for (index, least) in LEAST.into_iter().enumerate() {
+    // Then those that stay give way.
+    let staying = columns.iter().enumerate().filter(|(_, column)| column.rank == 0);
+    for ((index, _), least) in staying.zip(LEAST) {
         let excess = total(&widths).saturating_sub(width);
         if let Some(Some(width)) = widths.get_mut(index) {
             *width = width.saturating_sub(excess).max(least.min(*width));

@@ -7,7 +7,7 @@ use ratatui::text::{Line, Span};
 use super::columns::{self, Column};
 use super::list::draw_lines;
 use super::theme::{Theme, Tone};
-use super::{condition, joined, plot, ratio};
+use super::{alarms, condition, joined, plot, ratio};
 use crate::number::Number;
 use crate::snapshot::{ChannelView, DiagnoserView, Snapshot};
 use crate::watch::state::ViewState;
@@ -82,6 +82,9 @@ fn about(diagnoser: &DiagnoserView, now_ns: u64, width: usize, theme: Theme) -> 
             theme.style(tone).patch(theme.bold()),
         ),
         Span::raw(diagnoser.method.clone()),
+        Span::raw("alarm"),
+        alarms::status(&diagnoser.alarm, theme),
+        Span::raw(if diagnoser.alarm.is_latched { "latched" } else { "" }),
     ];
     let mut times = vec![Span::raw(format!("age {}", condition::age(diagnoser, now_ns)))];
     if diagnoser.record > 0 {

@@ -6,25 +6,26 @@ use ratatui::text::{Line, Span};
 
 use super::columns::{self, Column};
 use super::theme::{Theme, Tone};
-use super::{condition, ratio};
+use super::{alarms, condition, ratio};
 use crate::snapshot::{DiagnoserView, InputView, Snapshot};
 use crate::status::faults;
 use crate::watch::state::ViewState;
 
 /// The columns; the bar's heading is its scale.
-const fn columns(scale: &'static str) -> [Column; 11] {
+const fn columns(scale: &'static str) -> [Column; 12] {
     [
         Column::left("diagnoser", 0, 0),
         Column::left("state", 7, 0),
-        Column::left("faults", 0, 7),
+        Column::left("alarm", 0, 4),
+        Column::left("faults", 0, 8),
         Column::left("worst", 0, 3),
         Column::left(scale, 0, 2),
         Column::right("ratio", 6, 1),
-        Column::right("step", 6, 5),
-        Column::right("age", 6, 4),
-        Column::right("skipped", 0, 6),
-        Column::right("overruns", 0, 8),
-        Column::right("dropped", 0, 9),
+        Column::right("step", 6, 6),
+        Column::right("age", 6, 5),
+        Column::right("skipped", 0, 7),
+        Column::right("overruns", 0, 9),
+        Column::right("dropped", 0, 10),
     ]
 }
 
@@ -112,6 +113,7 @@ fn diagnoser_row(diagnoser: &DiagnoserView, now_ns: u64, cells: usize, theme: Th
     vec![
         Span::styled(format!("{mark} {}", diagnoser.name), state),
         Span::styled(condition::word(diagnoser), state),
+        alarms::status(&diagnoser.alarm, theme),
         Span::styled(faults(diagnoser), state),
         Span::raw(worst.map_or_else(|| "-".into(), |channel| channel.name.clone())),
         Span::styled(ratio::bar(worst_ratio, cells), ratio_style),

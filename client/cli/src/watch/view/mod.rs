@@ -1,5 +1,6 @@
 //! Drawing: a pure function of the state.
 
+mod alarms;
 mod columns;
 mod condition;
 mod detail;
@@ -15,7 +16,7 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::text::{Line, Span};
 
 use super::state::{Page, ViewState};
-use crate::snapshot::Snapshot;
+use crate::snapshot::{DiagnoserView, Snapshot};
 use theme::{Theme, Tone};
 
 /// Smallest size that is drawn on.
@@ -45,6 +46,7 @@ pub fn draw(frame: &mut Frame, state: &ViewState) {
     match state.page {
         Page::List => list::draw(frame, body, snapshot, state, theme),
         Page::Detail => detail::draw(frame, body, snapshot, state, theme),
+        Page::Alarms => alarms::draw(frame, body, state, theme),
     }
 }
 
@@ -64,6 +66,12 @@ fn header(snapshot: &Snapshot, state: &ViewState, theme: Theme, width: u16) -> L
     if let Some(failure) = &state.failure {
         pieces.push(Span::styled(failure.clone(), theme.style(Tone::Warn)));
     }
+    let is_active = |diagnoser: &&DiagnoserView| diagnoser.alarm.state.is_active();
+    match snapshot.diagnosers.iter().filter(is_active).count() {
+        0 => {}
+        1 => pieces.push(Span::styled("1 alarm", theme.style(Tone::Bad))),
+        count => pieces.push(Span::styled(format!("{count} alarms"), theme.style(Tone::Bad))),
+    }
     pieces.push(Span::raw(format!("process {}", snapshot.pid)));
     pieces.push(Span::raw(format!("epoch {}", snapshot.epoch)));
     joined(pieces, usize::from(width))
@@ -71,12 +79,19 @@ fn header(snapshot: &Snapshot, state: &ViewState, theme: Theme, width: u16) -> L
 
 fn footer(state: &ViewState, theme: Theme, width: u16) -> Line<'static> {
     let keys: &[(&str, &str)] = match state.page {
-        Page::List => &[("q", "quit"), ("Enter", "detail"), ("↑↓", "select")],
+        Page::List => &[
+            ("q", "quit"),
+            ("Enter", "detail"),
+            ("a", "alarms"),
+            ("↑↓", "select"),
+        ],
+        Page::Alarms => &[("Esc", "back"), ("↑↓", "scroll"), ("q", "quit")],
         Page::Detail => &[
             ("Esc", "back"),
             ("+-", "window"),
             ("Tab", "channel"),
             ("←→", "diagnoser"),
+            ("a", "alarms"),
             ("q", "quit"),
         ],
     };
@@ -90,7 +105,7 @@ fn footer(state: &ViewState, theme: Theme, width: u16) -> Line<'static> {
 /// As many of the pieces, with two spaces between them, as there is room for; the first one always.
 fn joined(pieces: Vec<Span<'static>>, width: usize) -> Line<'static> {
     let mut line = Line::default();
-    for piece in pieces {
+    for piece in pieces.into_iter().filter(|piece| !piece.content.is_empty()) {
         if line.spans.is_empty() {
             line.push_span(piece);
         } else if line.width() + 2 + piece.width() <= width {

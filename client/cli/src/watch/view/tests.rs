@@ -1,15 +1,19 @@
 //! The view at several sizes, as text.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::buffer::Buffer;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 use ratatui::style::{Color, Modifier};
+use residual_client::{
+    Alarm, AlarmEvent, AlarmNumber, AlarmState, AlarmTransition, ChannelSpec, NONE, SlotSpec,
+};
 
 use crate::number::Number;
-use crate::snapshot::{ChannelView, Condition, DiagnoserView, InputView, Snapshot};
+use crate::snapshot::{AlarmView, ChannelView, Condition, DiagnoserView, InputView, Snapshot};
 use crate::watch::state::ViewState;
 use crate::watch::view;
 
@@ -58,6 +62,15 @@ fn diagnoser(name: &str, record: u64, verdict: &'static str, channels: Vec<Chann
             .cloned(),
         channels,
         counters: BTreeMap::from([("skipped", 3), ("overruns", 0), ("records_dropped", 12)]),
+        alarm: AlarmView {
+            state: if is_fault {
+                AlarmState::Isolated
+            } else {
+                AlarmState::Cleared
+            },
+            occurrences: if is_fault { 2 } else { 0 },
+            is_latched: is_fault,
+        },
         condition: match verdict {
             "fault" | "isolated" => Condition::Faulty,
             "nominal" => Condition::Sound,
@@ -122,9 +135,63 @@ fn snapshot(record: u64) -> Snapshot {
     }
 }
 
-/// The state after 60 looks.
+/// A transition of the alarm of `steering`.
+fn transition(number: u64, state: AlarmState) -> AlarmEvent {
+    let name = |name: &str, unit: &str| ChannelSpec {
+        name: name.into(),
+        unit: unit.into(),
+    };
+    let diagnoser = SlotSpec {
+        name: "steering".into(),
+        method: "chi_square".into(),
+        period_ns: SECOND / 100,
+        phase_ns: 0,
+        margin_ns: 0,
+        channels: vec![name("yaw rate", "rad/s")],
+        faults: vec!["pump".into(), "valve".into()],
+    };
+    let is_active = state.is_active();
+    AlarmEvent::Transition(Alarm {
+        transition: AlarmTransition {
+            number: AlarmNumber { epoch: 7, number },
+            written_ns: 0,
+            instant_ns: (100 + number) * SECOND,
+            step: 10 * number,
+            slot: 0,
+            identity: 0,
+            state,
+            flags: 0,
+            verdict: 0,
+            occurrence: 2,
+            certainly_faulty: if state == AlarmState::Isolated { 0b10 } else { 0 },
+            possibly_faulty: 0b11,
+            channel: if is_active { 0 } else { NONE },
+            ratio: if is_active { 1.25 } else { f64::NAN },
+            fault_estimate: f64::NAN,
+            fault_estimate_half_width: f64::NAN,
+        },
+        diagnoser: (number > 2).then(|| Arc::new(diagnoser)),
+    })
+}
+
+/// The state after 60 looks and some alarms.
 fn watched(has_colour: bool) -> ViewState {
     let mut state = ViewState::new(has_colour);
+    state.alarms.hear(transition(2, AlarmState::Cleared));
+    state.alarms.hear(AlarmEvent::NewNumbering {
+        previous: AlarmNumber { epoch: 6, number: 2 },
+        origin: 7,
+    });
+    state.alarms.hear(AlarmEvent::Gap { first: 1, last: 9 });
+    let states = [
+        AlarmState::Pending,
+        AlarmState::Raised,
+        AlarmState::Isolated,
+        AlarmState::Cleared,
+    ];
+    for (number, alarm) in (10..).zip(states) {
+        state.alarms.hear(transition(number, alarm));
+    }
     for record in 1..=60 {
         state.look(Some(snapshot(record)));
     }
@@ -193,9 +260,50 @@ fn the_detail_shows_channels_faults_and_a_plot_at_every_size() {
 }
 
 #[test]
+fn the_alarm_log_shows_the_newest_first_and_gaps_as_gaps_at_every_size() {
+    for has_colour in [true, false] {
+        let mut state = watched(has_colour);
+        press(&mut state, &[KeyCode::Char('a')]);
+        assert_pages("alarms", &state);
+    }
+}
+
+#[test]
+fn what_is_looked_at_in_the_alarm_log_stays_in_place_when_more_come() {
+    let mut state = watched(false);
+    press(&mut state, &[KeyCode::Char('a')]);
+    let first_row = |state: &ViewState| text(&drawn(state, (80, 24))).lines().nth(2).unwrap().to_owned();
+    assert!(first_row(&state).contains("cleared"));
+    state.alarms.hear(transition(14, AlarmState::Pending));
+    assert!(
+        first_row(&state).contains("pending"),
+        "at the top the newest is shown"
+    );
+    press(&mut state, &[KeyCode::Down, KeyCode::Down]);
+    let before = first_row(&state);
+    assert!(before.contains("isolated"));
+    state.alarms.hear(transition(15, AlarmState::Raised));
+    assert_eq!(first_row(&state), before);
+    press(&mut state, &[KeyCode::End]);
+    assert!(
+        first_row(&state).contains("unknown"),
+        "the diagnoser of the oldest has gone"
+    );
+    for number in 16..20_000 {
+        state.alarms.hear(transition(number, AlarmState::Pending));
+    }
+    assert_eq!(state.alarms.count(), 10_000);
+    press(&mut state, &[KeyCode::Home, KeyCode::Char('a')]);
+    assert!(
+        text(&drawn(&state, (80, 24))).contains("wheel speeds"),
+        "back in the list"
+    );
+}
+
+#[test]
 fn without_colour_nothing_is_coloured_and_every_state_is_a_word() {
     let mut state = watched(false);
-    for page in [&[][..], &[KeyCode::Enter]] {
+    for page in [&[][..], &[KeyCode::Enter], &[KeyCode::Char('a')]] {
         press(&mut state, page);
         let buffer = drawn(&state, (120, 40));
         assert!(
@@ -248,9 +356,10 @@ fn no_size_and_no_value_makes_a_page_panic() {
     no_diagnosers.diagnosers.clear();
     let mut pages = vec![];
     for state in [&mut strange, &mut watched(true), &mut empty] {
-        for keys in [&[][..], &[KeyCode::Enter], &[KeyCode::Tab, KeyCode::Char('+')]] {
+        for keys in [&[][..], &[KeyCode::Enter], &[KeyCode::Tab], &[KeyCode::Char('a')]] {
             press(state, keys);
-            for (width, height) in (0..45).flat_map(|width| (0..30).map(move |height| (width, height))) {
+            let widths = (0..26).chain([40, 80]);
+            for (width, height) in widths.flat_map(|width| (0..14).map(move |height| (width, height))) {
                 pages.push(drawn(state, (width, height)).area.area());
             }
         }
@@ -258,7 +367,8 @@ fn no_size_and_no_value_makes_a_page_panic() {
     empty.look(Some(no_diagnosers));
     press(&mut empty, &[KeyCode::Down, KeyCode::Enter, KeyCode::Tab]);
     drawn(&empty, (80, 24));
-    assert_eq!(pages.len(), 3 * 3 * 45 * 30);
+    drawn(&strange, (120, 40));
+    assert_eq!(pages.len(), 3 * 4 * 28 * 14);
 }
 
 #[test]
