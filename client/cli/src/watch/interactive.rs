@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use ratatui::crossterm::event::{self, Event};
 use residual_client::{AlarmListener, Monitor};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use super::WatchOptions;
@@ -19,6 +20,9 @@ use crate::snapshot::Snapshot;
 /// Longest time without a look at signals and at the size of the terminal.
 const SLICE: Duration = Duration::from_millis(50);
 
+/// Exit code after a second signal.
+const IMPATIENT: i32 = 1;
+
 /// Alarm transitions that are taken in one look, so that keys are obeyed in the meantime.
 const EVENTS: usize = 100_000;
 
@@ -26,8 +30,11 @@ const EVENTS: usize = 100_000;
 pub fn run(monitor: &mut Monitor, mut alarms: AlarmListener, options: &WatchOptions) -> Result<u8, Error> {
     let end = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM, SIGHUP] {
+        // Whoever asks twice need not wait.
+        signal_hook::flag::register_conditional_shutdown(signal, IMPATIENT, Arc::clone(&end))?;
         signal_hook::flag::register(signal, Arc::clone(&end))?;
     }
+    let keyboard = Keyboard::of_standard_input();
     let mut state = ViewState::new(options.has_colour());
     let mut screen = Screen::take()?;
     let mut left = options.count;
@@ -51,41 +58,38 @@ pub fn run(monitor: &mut Monitor, mut alarms: AlarmListener, options: &WatchOpti
         }
         screen.draw(&state)?;
         left = left.map(|left| left - 1);
-        if left == Some(0)
-            || wait(
-                Duration::from_millis(options.interval),
-                &end,
-                &mut screen,
-                &mut state,
-            )?
-        {
+        let interval = Duration::from_millis(options.interval);
+        if left == Some(0) || wait(interval, &end, keyboard, &mut screen, &mut state)? {
             return Ok(0);
         }
     }
 }
 
-/// Waits for the interval, while keys and resizes are obeyed; tells whether the user ends the view.
+/// Waits for the interval, while keys and resizes are obeyed; tells whether the view ends.
 fn wait(
     interval: Duration,
     end: &AtomicBool,
+    keyboard: Keyboard,
     screen: &mut Screen,
     state: &mut ViewState,
 ) -> io::Result<bool> {
     let deadline = Instant::now() + interval;
     loop {
         let left = deadline.saturating_duration_since(Instant::now());
-        let has_event = has_event(left.min(SLICE))?;
-        if end.load(Ordering::Relaxed) {
+        let keyboard = keyboard.listen(left.min(SLICE));
+        if end.load(Ordering::Relaxed) || keyboard == Keyboard::Gone {
             return Ok(true);
         }
-        if has_event {
+        let mut has_changed = screen.is_resized();
+        while keyboard == Keyboard::There && event::poll(Duration::ZERO)? {
+            has_changed = true;
             match event::read()? {
                 Event::Key(key) if state.press(key) => return Ok(true),
                 Event::Resize(..) => screen.forget(),
                 _ => {}
             }
-            screen.draw(state)?;
-        } else if screen.is_resized() {
+        }
+        if has_changed {
             screen.draw(state)?;
         }
         if left.is_zero() {
@@ -94,14 +98,41 @@ fn wait(
     }
 }
 
-/// Waits for an event; without a keyboard there is none.
-fn has_event(timeout: Duration) -> io::Result<bool> {
-    if !io::stdin().is_terminal() {
-        sleep(timeout);
-        return Ok(false);
+/// What the keyboard of the terminal does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Keyboard {
+    /// There may be keys to read.
+    There,
+    /// The standard input is no terminal.
+    None,
+    /// The terminal has hung up. Reading from it would never return: crossterm tries again and again.
+    Gone,
+}
+
+impl Keyboard {
+    fn of_standard_input() -> Self {
+        if io::stdin().is_terminal() {
+            Self::There
+        } else {
+            Self::None
+        }
     }
-    match event::poll(timeout) {
-        Err(error) if error.kind() == io::ErrorKind::Interrupted => Ok(false),
-        outcome => outcome,
+
+    /// Waits for a key, a signal or the end of the time.
+    fn listen(self, timeout: Duration) -> Self {
+        if self != Self::There {
+            sleep(timeout);
+            return self;
+        }
+        let input = io::stdin();
+        let mut ready = [PollFd::new(&input, PollFlags::IN)];
+        // A signal that interrupts is seen by the caller.
+        let _ = poll(&mut ready, Timespec::try_from(timeout).ok().as_ref());
+        let [input] = ready;
+        if input.revents().intersects(PollFlags::HUP | PollFlags::ERR) {
+            Self::Gone
+        } else {
+            Self::There
+        }
     }
 }

@@ -3,15 +3,17 @@
 use std::fs::File;
 use std::io::{Read, Write};
 use std::num::NonZeroU16;
-use std::os::fd::{AsFd, OwnedFd};
+use std::os::fd::AsFd;
+use std::os::unix::fs::OpenOptionsExt;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
-use nix::pty::openpty;
 use nix::sys::signal::{Signal, kill};
 use nix::sys::termios::{Termios, tcgetattr};
 use nix::unistd::Pid;
+use rustix::fs::OFlags;
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{Winsize, tcsetwinsize};
 use vt100::Parser;
 
@@ -23,7 +25,7 @@ const QUIET_MS: u16 = 60;
 
 pub struct Terminal {
     master: File,
-    slave: OwnedFd,
+    slave: File,
     before: Termios,
     child: Child,
     parser: Parser,
@@ -32,10 +34,10 @@ pub struct Terminal {
 impl Terminal {
     /// Starts the command on a terminal of so many columns and rows.
     pub fn start(mut command: Command, size: (u16, u16)) -> Self {
-        let pair = openpty(None, None).unwrap();
-        let before = tcgetattr(&pair.slave).unwrap();
-        set_size(&pair.slave, size);
-        let side = || Stdio::from(pair.slave.try_clone().unwrap());
+        let (master, slave) = open_pair();
+        let before = tcgetattr(&slave).unwrap();
+        set_size(&slave, size);
+        let side = || Stdio::from(slave.try_clone().unwrap());
         let child = command
             .stdin(side())
             .stdout(side())
@@ -44,8 +46,8 @@ impl Terminal {
             .unwrap();
         let (columns, rows) = shown_size(size);
         Self {
-            master: File::from(pair.master),
-            slave: pair.slave,
+            master,
+            slave,
             before,
             child,
             parser: Parser::new(rows, columns, 0),
@@ -64,6 +66,22 @@ impl Terminal {
         let (columns, rows) = shown_size(size);
         self.parser.screen_mut().set_size(rows, columns);
         self.signal(Signal::SIGWINCH);
+    }
+
+    /// Hangs up, as a lost connection does, and waits for the end.
+    pub fn hang_up(&mut self) -> ExitStatus {
+        drop(std::mem::replace(
+            &mut self.master,
+            File::open("/dev/null").unwrap(),
+        ));
+        let deadline = Instant::now() + PATIENCE;
+        loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                return status;
+            }
+            assert!(Instant::now() < deadline, "it goes on without a terminal");
+            std::thread::sleep(Duration::from_millis(10));
+        }
     }
 
     pub fn signal(&self, signal: Signal) {
@@ -95,13 +113,23 @@ impl Terminal {
     pub fn wait_for(&mut self, words: &[&str]) -> String {
         let deadline = Instant::now() + PATIENCE;
         loop {
-            let text = self.text();
-            let squeezed = text.split_whitespace().collect::<Vec<_>>().join(" ");
-            if words.iter().all(|word| squeezed.contains(word)) {
+            let is_shown = |text: &str| {
+                let squeezed = text.split_whitespace().collect::<Vec<_>>().join(" ");
+                words.iter().all(|word| squeezed.contains(word))
+            };
+            if is_shown(&self.text()) {
+                // The view is complete when it comes to rest.
                 self.settle();
-                return self.text();
+                let text = self.text();
+                if is_shown(&text) {
+                    return text;
+                }
             }
-            assert!(Instant::now() < deadline, "{words:?} never appeared:\n{text}");
+            assert!(
+                Instant::now() < deadline,
+                "{words:?} never appeared:\n{}",
+                self.text()
+            );
             self.receive(20);
         }
     }
@@ -159,7 +187,22 @@ impl Drop for Terminal {
     }
 }
 
-fn set_size(slave: &OwnedFd, (columns, rows): (u16, u16)) {
+/// Both sides of a terminal, neither of which a child inherits: a side that stays open somewhere never hangs up.
+fn open_pair() -> (File, File) {
+    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
+    grantpt(&master).unwrap();
+    unlockpt(&master).unwrap();
+    let name = ptsname(&master, Vec::new()).unwrap();
+    let slave = File::options()
+        .read(true)
+        .write(true)
+        .custom_flags(OFlags::NOCTTY.bits() as i32)
+        .open(name.to_str().unwrap())
+        .unwrap();
+    (File::from(master), slave)
+}
+
+fn set_size(slave: &File, (columns, rows): (u16, u16)) {
     let size = Winsize {
         ws_row: rows,
         ws_col: columns,
