@@ -133,7 +133,7 @@ impl ViewState {
             (KeyCode::Char('q'), _) | (KeyCode::Esc, Page::List) => return true,
             (KeyCode::Esc | KeyCode::Backspace, _) => self.page = Page::List,
             (KeyCode::Enter, Page::List) if self.diagnoser().is_some() => {
-                (self.page, self.channel) = (Page::Detail, 0);
+                (self.page, self.channel) = (Page::Detail, self.worst_channel());
             }
             (KeyCode::Char('a'), Page::Alarms) => self.page = Page::List,
             (KeyCode::Char('a'), _) => self.page = Page::Alarms,
@@ -145,6 +145,16 @@ impl ViewState {
             }
         }
         false
+    }
+
+    /// Index of the channel with the largest ratio, where a look at a diagnoser begins.
+    fn worst_channel(&self) -> usize {
+        let index = self.diagnoser().and_then(|diagnoser| {
+            let worst = diagnoser.worst_channel.as_ref()?;
+            let mut channels = diagnoser.channels.iter();
+            channels.position(|channel| channel.name == worst.name)
+        });
+        index.unwrap_or(0)
     }
 
     fn move_in_list(&mut self, code: KeyCode) {
@@ -173,7 +183,7 @@ impl ViewState {
         let before = self.selected;
         self.move_in_list(code);
         if self.selected != before {
-            self.channel = 0;
+            self.channel = self.worst_channel();
         }
     }
 }

@@ -130,3 +130,18 @@ fn of_more_inputs_than_fit_those_with_losses_come_first() {
         "{shown}"
     );
 }
+
+#[test]
+fn the_detail_opens_at_the_worst_channel() {
+    let mut state = watched(true);
+    let mut next = snapshot(61);
+    let steering = &mut next.diagnosers[0];
+    steering.worst_channel = Some(steering.channels[1].clone());
+    state.look(Some(next));
+    press(&mut state, &[KeyCode::Enter]);
+    assert_eq!(state.channel, 1, "force");
+    press(&mut state, &[KeyCode::Right]);
+    assert_eq!((state.selected, state.channel), (1, 0), "the only one of tank");
+    press(&mut state, &[KeyCode::Left]);
+    assert_eq!((state.selected, state.channel), (0, 1));
+}
