@@ -47,7 +47,7 @@ impl AlarmState {
     }
 
     /// The name shown to people and written to files.
-    pub fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Cleared => "cleared",
             Self::Pending => "pending",

@@ -5,20 +5,24 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand};
 use residual_client::{DEFAULT_RUNTIME_DIRECTORY, InstanceName, RUNTIME_DIRECTORY_VARIABLE};
 
+use crate::alarms::AlarmOptions;
+use crate::ctl::ControlArguments;
 use crate::generate::Generated;
 use crate::watch::WatchOptions;
 
-const EXIT_CODES: &str = "\
+/// What the program's end tells.
+pub const EXIT_CODES: &str = "\
 Exit codes:
   0  all is well; `status`: every diagnoser has judged its latest instant and none reports a fault
-  1  an error, such as a table that may not be read
+  1  an error, such as a table that may not be read; `ctl`: the daemon refused
   2  wrong usage
-  3  there is no living daemon (the last state it left is shown all the same)
+  3  there is no living daemon (the last state and the alarms it left are shown all the same)
   4  `status`: a diagnoser reports a fault
   5  `status`: no fault is reported, but a diagnoser does not judge: stale, starting, not evaluated, or
-     guarantee lost";
+     guarantee lost
+  6  `ctl`: the daemon did not answer in time";
 
-/// Looks at the diagnosers of a residuald daemon.
+/// Looks at the diagnosers of a residuald daemon, and controls it.
 #[derive(Debug, Parser)]
 #[command(name = "residual", version, after_help = EXIT_CODES)]
 pub struct Arguments {
@@ -45,6 +49,9 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Controls the daemon; only for the user who runs it.
+    #[command(after_help = EXIT_CODES)]
+    Ctl(ControlArguments),
     /// Shows every channel between its bounds, again and again.
     ///
     /// On a terminal: a list of the diagnosers, and of each its channels with a live plot; the last line shows the
@@ -59,6 +66,9 @@ pub enum Command {
         #[command(flatten)]
         options: WatchOptions,
     },
+    /// Shows the alarm transitions, each once and in order; what is lost is shown as a gap.
+    #[command(after_help = EXIT_CODES)]
+    Alarms(AlarmOptions),
     /// Writes shell completions or man pages.
     #[command(subcommand, hide = true)]
     Generate(Generated),

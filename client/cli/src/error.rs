@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use residual_client::{OpenError, ReadError};
+use residual_client::{OpenError, ReadError, RequestError};
 
 /// Exit code: an error.
 const FAILURE: u8 = 1;
@@ -11,6 +11,9 @@ const FAILURE: u8 = 1;
 const USAGE: u8 = 2;
 /// Exit code: there is no living daemon.
 pub const NO_DAEMON: u8 = 3;
+
+/// Exit code: the daemon did not answer in time.
+const TIMED_OUT: u8 = 6;
 
 /// Why `residual` gave up.
 #[derive(Debug, thiserror::Error)]
@@ -35,6 +38,9 @@ pub enum Error {
     /// A record cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
+    /// The daemon did not do what it was asked for.
+    #[error(transparent)]
+    Request(#[from] RequestError),
     /// A diagnoser was named that the daemon does not have.
     #[error("the daemon has no diagnoser `{name}`; it has {}", known.join(", "))]
     NoSuchDiagnoser {
@@ -61,8 +67,10 @@ impl Error {
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::NoInstance(_) | Self::Open(OpenError::NotFound { .. }) => NO_DAEMON,
+            Self::Request(RequestError::NoDaemon { .. } | RequestError::DaemonEnded) => NO_DAEMON,
+            Self::Request(RequestError::TimedOut { .. }) => TIMED_OUT,
             Self::SeveralInstances(_) | Self::NoSuchDiagnoser { .. } => USAGE,
-            Self::RuntimeDirectory { .. } | Self::Open(_) | Self::Read(_) => FAILURE,
+            Self::RuntimeDirectory { .. } | Self::Open(_) | Self::Read(_) | Self::Request(_) => FAILURE,
             Self::ManPages { .. } | Self::Output(_) => FAILURE,
         }
     }

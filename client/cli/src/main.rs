@@ -1,6 +1,8 @@
 //! `residual`: what the diagnosers of a residuald daemon say, on the command line.
 
+mod alarms;
 mod arguments;
+mod ctl;
 mod error;
 mod generate;
 mod instances;
@@ -31,10 +33,12 @@ fn main() -> ExitCode {
 
 fn run(arguments: &Arguments) -> Result<u8, Error> {
     let choose = |name: &Option<_>| instances::choose(name.as_ref(), &arguments.runtime_directory);
-    let open = |name| -> Result<Monitor, Error> { Ok(Monitor::open(&choose(name)?)?) };
+    let open = |name: &Option<_>| -> Result<Monitor, Error> { Ok(Monitor::open(&choose(name)?)?) };
     match &arguments.command {
         Command::Status { instance, json } => status::run(&mut open(instance)?, *json),
+        Command::Ctl(control) => ctl::run(control, &arguments.runtime_directory),
         Command::Watch { instance, options } => watch::run(&choose(instance)?, options),
+        Command::Alarms(options) => alarms::run(&choose(&options.instance)?, options),
         Command::Generate(generated) => generate::run(generated, &mut std::io::stdout().lock()),
     }
 }
