@@ -3,22 +3,32 @@
 use std::collections::VecDeque;
 
 use residual_client::AlarmEvent;
+use time::OffsetDateTime;
 
 /// Events that are kept.
 const KEPT: usize = 10_000;
+
+/// An event, and for a transition when it was written.
+#[derive(Clone, Debug)]
+pub struct Heard {
+    /// The event.
+    pub event: AlarmEvent,
+    /// On the wall clock; of use for transitions only.
+    pub written: OffsetDateTime,
+}
 
 /// The newest alarm transitions, with gaps where some were missed.
 #[derive(Debug, Default)]
 pub struct AlarmLog {
     /// Newest first.
-    events: VecDeque<AlarmEvent>,
+    events: VecDeque<Heard>,
     /// How many of the newest are scrolled out of sight.
     above: usize,
 }
 
 impl AlarmLog {
     /// Takes the next event. What the user looks at stays where it is, unless it is the newest.
-    pub fn hear(&mut self, event: AlarmEvent) {
+    pub fn hear(&mut self, event: Heard) {
         self.events.push_front(event);
         self.events.truncate(KEPT);
         if self.above > 0 {
@@ -27,7 +37,7 @@ impl AlarmLog {
     }
 
     /// The events from the first one in sight, newest first.
-    pub fn in_sight(&self) -> impl Iterator<Item = &AlarmEvent> {
+    pub fn in_sight(&self) -> impl Iterator<Item = &Heard> {
         self.events.iter().skip(self.above)
     }
 

@@ -7,13 +7,16 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use ratatui::crossterm::event::{self, Event};
-use residual_client::{AlarmListener, Monitor};
+use residual_client::{AlarmEvent, AlarmListener, Monitor};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use time::OffsetDateTime;
 
 use super::WatchOptions;
+use super::alarm_log::Heard;
 use super::screen::Screen;
 use super::state::ViewState;
+use crate::alarms::wall_clock;
 use crate::error::Error;
 use crate::snapshot::Snapshot;
 
@@ -54,7 +57,11 @@ pub fn run(monitor: &mut Monitor, mut alarms: AlarmListener, options: &WatchOpti
         }
         let events = std::iter::from_fn(|| alarms.try_next()).take(EVENTS);
         for event in events.filter(|event| options.is_heard(event)) {
-            state.alarms.hear(event);
+            let written = match &event {
+                AlarmEvent::Transition(alarm) => wall_clock(alarm.transition.written_ns),
+                _ => OffsetDateTime::UNIX_EPOCH,
+            };
+            state.alarms.hear(Heard { event, written });
         }
         screen.draw(&state)?;
         left = left.map(|left| left - 1);

@@ -101,6 +101,14 @@ mod tests {
         }
     }
 
+    /// The pages of a command and of all subcommands that are shown.
+    fn pages_of(command: &clap::Command, name: &str, names: &mut Vec<String>) {
+        names.push(format!("{name}.1"));
+        for part in command.get_subcommands().filter(|part| !part.is_hide_set()) {
+            pages_of(part, &format!("{name}-{}", part.get_name()), names);
+        }
+    }
+
     #[test]
     fn every_subcommand_has_a_man_page_that_the_formatter_accepts() {
         let directory = tempfile::tempdir().unwrap();
@@ -110,11 +118,8 @@ mod tests {
         };
         execute(&man, &mut Vec::new()).unwrap();
         let command = CommandLine::command();
-        let shown = command.get_subcommands().filter(|command| !command.is_hide_set());
-        let mut names: Vec<_> = shown
-            .map(|command| format!("residuald-{}.1", command.get_name()))
-            .collect();
-        names.push("residuald.1".into());
+        let mut names = Vec::new();
+        pages_of(&command, "residuald", &mut names);
         assert!(names.contains(&"residuald-run.1".into()));
         for name in names {
             let path = pages.join(&name);

@@ -4,6 +4,9 @@ use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 use residual_client::{Alarm, AlarmEvent, AlarmState};
+use time::OffsetDateTime;
+use time::format_description::BorrowedFormatItem;
+use time::macros::format_description;
 
 use super::columns::{self, Column};
 use super::list::draw_lines;
@@ -12,16 +15,19 @@ use super::theme::{Theme, Tone};
 use crate::snapshot::AlarmView;
 use crate::watch::state::ViewState;
 
-const COLUMNS: [Column; 8] = [
+const COLUMNS: [Column; 9] = [
+    Column::left("time (UTC)", 0, 3),
     Column::right("number", 0, 1),
-    Column::right("at [s]", 0, 3),
+    Column::right("at [s]", 0, 5),
     Column::left("diagnoser", 0, 0),
     Column::left("state", 8, 0),
     Column::left("faults", 0, 2),
-    Column::left("channel", 0, 5),
+    Column::left("channel", 0, 6),
     Column::right("ratio", 6, 4),
-    Column::right("occurrence", 0, 6),
+    Column::right("occurrence", 0, 7),
 ];
+
+const TIME: &[BorrowedFormatItem<'static>] = format_description!("[month]-[day] [hour]:[minute]:[second]");
 
 /// Draws the log.
 pub fn draw(frame: &mut Frame, area: Rect, state: &ViewState, theme: Theme) {
@@ -35,14 +41,14 @@ pub fn draw(frame: &mut Frame, area: Rect, state: &ViewState, theme: Theme) {
     let events: Vec<_> = log.in_sight().take(room).collect();
     let rows: Vec<_> = events
         .iter()
-        .filter_map(|event| match event {
-            AlarmEvent::Transition(alarm) => Some(row(alarm, theme)),
+        .filter_map(|heard| match &heard.event {
+            AlarmEvent::Transition(alarm) => Some(row(alarm, heard.written, theme)),
             _ => None,
         })
         .collect();
     let (heading, lines) = columns::lines(&COLUMNS, &rows, area.width, theme);
     let mut transitions = lines.into_iter();
-    let lines = events.iter().filter_map(|event| match event {
+    let lines = events.iter().filter_map(|heard| match &heard.event {
         AlarmEvent::Transition(_) => transitions.next(),
         AlarmEvent::Gap { first, last } => {
             let text = format!(
@@ -59,7 +65,7 @@ pub fn draw(frame: &mut Frame, area: Rect, state: &ViewState, theme: Theme) {
     draw_lines(frame, area, [heading].into_iter().chain(lines));
 }
 
-fn row(alarm: &Alarm, theme: Theme) -> Vec<Span<'static>> {
+fn row(alarm: &Alarm, written: OffsetDateTime, theme: Theme) -> Vec<Span<'static>> {
     let transition = &alarm.transition;
     let style = theme.style(tone(transition.state));
     let certain: Vec<_> = alarm.certainly_faulty().map(str::to_owned).collect();
@@ -69,6 +75,8 @@ fn row(alarm: &Alarm, theme: Theme) -> Vec<Span<'static>> {
     };
     let is_active = transition.state.is_active();
     vec![
+        // Month and day always have a form.
+        Span::raw(written.format(TIME).unwrap_or_default()),
         Span::raw(transition.number.number.to_string()),
         Span::raw(format!("{:.3}", transition.instant_ns as f64 * 1e-9)),
         Span::raw(alarm.diagnoser_name().unwrap_or("unknown").to_owned()),

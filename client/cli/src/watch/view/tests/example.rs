@@ -2,14 +2,17 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::time::Duration;
 
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 use residual_client::{
     Alarm, AlarmEvent, AlarmNumber, AlarmState, AlarmTransition, ChannelSpec, NONE, SlotSpec,
 };
+use time::OffsetDateTime;
 
 use crate::number::Number;
 use crate::snapshot::{AlarmView, ChannelView, Condition, DiagnoserView, InputView, Snapshot};
+use crate::watch::alarm_log::Heard;
 use crate::watch::state::ViewState;
 
 /// Nanoseconds.
@@ -137,7 +140,7 @@ pub fn snapshot(record: u64) -> Snapshot {
 }
 
 /// A transition of the alarm of `steering`.
-pub fn transition(number: u64, state: AlarmState) -> AlarmEvent {
+pub fn transition(number: u64, state: AlarmState) -> Heard {
     let name = |name: &str, unit: &str| ChannelSpec {
         name: name.into(),
         unit: unit.into(),
@@ -152,7 +155,7 @@ pub fn transition(number: u64, state: AlarmState) -> AlarmEvent {
         faults: vec!["pump".into(), "valve".into()],
     };
     let is_active = state.is_active();
-    AlarmEvent::Transition(Alarm {
+    heard(AlarmEvent::Transition(Alarm {
         transition: AlarmTransition {
             number: AlarmNumber { epoch: 7, number },
             written_ns: 0,
@@ -172,18 +175,30 @@ pub fn transition(number: u64, state: AlarmState) -> AlarmEvent {
             fault_estimate_half_width: f64::NAN,
         },
         diagnoser: (number > 2).then(|| Arc::new(diagnoser)),
-    })
+    }))
+}
+
+/// An event and a time of day.
+fn heard(event: AlarmEvent) -> Heard {
+    let second = match &event {
+        AlarmEvent::Transition(alarm) => alarm.transition.number.number,
+        _ => 0,
+    };
+    Heard {
+        event,
+        written: OffsetDateTime::UNIX_EPOCH + Duration::from_secs(1_000_000 + second),
+    }
 }
 
 /// The state after 60 looks and some alarms.
 pub fn watched(has_colour: bool) -> ViewState {
     let mut state = ViewState::new(has_colour);
     state.alarms.hear(transition(2, AlarmState::Cleared));
-    state.alarms.hear(AlarmEvent::NewNumbering {
+    state.alarms.hear(heard(AlarmEvent::NewNumbering {
         previous: AlarmNumber { epoch: 6, number: 2 },
         origin: 7,
-    });
-    state.alarms.hear(AlarmEvent::Gap { first: 1, last: 9 });
+    }));
+    state.alarms.hear(heard(AlarmEvent::Gap { first: 1, last: 9 }));
     let states = [
         AlarmState::Pending,
         AlarmState::Raised,
