@@ -5,7 +5,7 @@
 mod support;
 
 mod alarms;
+mod lives;
 mod scene;
 mod screens;
-mod session;
 mod terminal;
