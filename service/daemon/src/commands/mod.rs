@@ -2,12 +2,13 @@
 
 mod achieved;
 pub mod check;
-mod descriptions;
+pub(crate) mod descriptions;
 pub mod design;
 pub mod explain;
 pub mod generate;
 #[cfg(feature = "synthesis")]
 pub mod identify;
+mod lifecycle;
 mod lines;
 pub mod replay;
 pub mod run;
