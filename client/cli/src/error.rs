@@ -56,6 +56,14 @@ pub enum Error {
     /// Signal handlers cannot be installed.
     #[error("cannot install signal handlers: {0}")]
     Signals(io::Error),
+    /// The man pages cannot be written.
+    #[error("cannot write man pages to {}: {source}", directory.display())]
+    ManPages {
+        /// The directory.
+        directory: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
     /// The output cannot be written.
     #[error("cannot write the output: {0}")]
     Output(#[from] io::Error),
@@ -81,6 +89,7 @@ impl Error {
             | Self::Request(_)
             | Self::Record(_)
             | Self::Signals(_)
+            | Self::ManPages { .. }
             | Self::Output(_) => FAILURE,
         }
     }

@@ -4,6 +4,7 @@ mod alarms;
 mod arguments;
 mod ctl;
 mod error;
+mod generate;
 mod instances;
 mod number;
 mod record;
@@ -38,7 +39,8 @@ fn run(arguments: &Arguments) -> Result<u8, Error> {
         Command::Status { instance, json } => status::run(&mut open(instance)?, *json),
         Command::Ctl(control) => ctl::run(control, &arguments.runtime_directory),
         Command::Record(options) => record::run(options, &arguments.runtime_directory),
-        Command::Watch { instance, options } => watch::run(&mut open(instance)?, options),
+        Command::Watch { instance, options } => watch::run(&choose(instance)?, options),
         Command::Alarms(options) => alarms::run(&choose(&options.instance)?, options),
+        Command::Generate(generated) => generate::run(generated, &mut std::io::stdout().lock()),
     }
 }
