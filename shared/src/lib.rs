@@ -7,6 +7,7 @@
 //! | [`counters`] | what was received, rejected, lost, late or skipped |
 //! | [`bounds_table`] | the shared-memory segment in which clients poll the records |
 //! | [`sample`], [`transport`] | a sensor sample and its iceoryx2 service (feature `transport`) |
+//! | [`control`] | requests to a running daemon and their answers (feature `transport`) |
 //! | [`names`] | paths and service names of an instance |
 //! | [`clock`] | CLOCK_MONOTONIC nanoseconds and the daemon's time |
 //!
@@ -15,6 +16,8 @@
 pub mod alarm;
 pub mod bounds_table;
 pub mod clock;
+#[cfg(feature = "transport")]
+pub mod control;
 pub mod counters;
 pub mod names;
 pub mod record;

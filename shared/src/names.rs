@@ -108,6 +108,11 @@ impl Instance {
         format!("residuald/{}/records/v1", self.name)
     }
 
+    /// iceoryx2 service that takes control requests; the last part is the version of its byte stream.
+    pub fn control_service(&self) -> String {
+        format!("residuald/{}/control/v1", self.name)
+    }
+
     fn path(&self, extension: &str) -> PathBuf {
         self.runtime_directory
             .join(format!("residuald.{}.{extension}", self.name))

@@ -2,22 +2,29 @@
 
 use std::path::PathBuf;
 
+use crate::export::ExportTarget;
+use crate::plot::PlotArguments;
 use crate::record::RecordArguments;
 use clap::{Args, Parser, Subcommand};
 use residual_client::{DEFAULT_RUNTIME_DIRECTORY, InstanceName, RUNTIME_DIRECTORY_VARIABLE};
 
-const EXIT_CODES: &str = "\
+use crate::alarms::AlarmOptions;
+use crate::ctl::ControlArguments;
+
+/// What the program's end tells.
+pub const EXIT_CODES: &str = "\
 Exit codes:
   0  all is well; `status`: every diagnoser has judged its latest instant and none reports a fault
-  1  an error, such as a table that may not be read
+  1  an error, such as a table that may not be read; `ctl`: the daemon refused
   2  wrong usage
-  3  there is no living daemon (the last state it left is shown all the same)
+  3  there is no living daemon (the last state and the alarms it left are shown all the same)
   4  `status`: a diagnoser reports a fault
   5  `status`: no fault is reported, but a diagnoser does not judge: stale, starting, not evaluated, or
      guarantee lost
-  6  `record`: the recording is whole, but something was lost on the way to it; it says how much";
+  6  `ctl`: the daemon did not answer in time
+  7  `record`: the recording is whole, but something was lost on the way to it; it says how much";
 
-/// Looks at the diagnosers of a residuald daemon.
+/// Looks at the diagnosers of a residuald daemon, and controls it.
 #[derive(Debug, Parser)]
 #[command(name = "residual", version, after_help = EXIT_CODES)]
 pub struct Arguments {
@@ -44,6 +51,9 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Controls the daemon; only for the user who runs it.
+    #[command(after_help = EXIT_CODES)]
+    Ctl(ControlArguments),
     /// Shows every channel between its bounds, again and again.
     ///
     /// On a terminal: a view that is drawn anew (q, Esc or Ctrl-C ends it). Otherwise: one line for each new
@@ -57,9 +67,22 @@ pub enum Command {
         #[command(flatten)]
         options: WatchOptions,
     },
-    /// Records every step record of the diagnosers, and if asked for the samples of the inputs, to an MCAP file.
+    /// Records every step record and alarm of the diagnosers, and if asked for the samples of the inputs, to an MCAP file.
     #[command(after_help = EXIT_CODES)]
     Record(RecordArguments),
+    /// Draws the channels of a recording: residuals between their bounds, alarms and faults.
+    #[command(after_help = EXIT_CODES)]
+    Plot(PlotArguments),
+    /// Hands records on to other programs: as CSV, or to Prometheus.
+    #[command(after_help = EXIT_CODES)]
+    Export {
+        /// Where to.
+        #[command(subcommand)]
+        target: ExportTarget,
+    },
+    /// Shows the alarm transitions, each once and in order; what is lost is shown as a gap.
+    #[command(after_help = EXIT_CODES)]
+    Alarms(AlarmOptions),
 }
 
 /// What to watch, and how long.

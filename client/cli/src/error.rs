@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use residual_client::{OpenError, ReadError};
+use residual_client::{OpenError, ReadError, RequestError};
 use residual_recording::recorder::RecordError;
 
 /// Exit code: an error.
@@ -12,6 +12,9 @@ const FAILURE: u8 = 1;
 const USAGE: u8 = 2;
 /// Exit code: there is no living daemon.
 pub const NO_DAEMON: u8 = 3;
+
+/// Exit code: the daemon did not answer in time.
+const TIMED_OUT: u8 = 6;
 
 /// Why `residual` gave up.
 #[derive(Debug, thiserror::Error)]
@@ -36,6 +39,9 @@ pub enum Error {
     /// A record cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
+    /// The daemon did not do what it was asked for.
+    #[error(transparent)]
+    Request(#[from] RequestError),
     /// A diagnoser was named that the daemon does not have.
     #[error("the daemon has no diagnoser `{name}`; it has {}", known.join(", "))]
     NoSuchDiagnoser {
@@ -47,6 +53,31 @@ pub enum Error {
     /// A recording cannot be made.
     #[error(transparent)]
     Record(#[from] RecordError),
+    /// A recording cannot be read.
+    #[error(transparent)]
+    Recording(#[from] residual_recording::ReadError),
+    /// A recording has no such diagnoser or channel, or nothing to draw of it.
+    #[error("{0}")]
+    Selection(String),
+    /// A file cannot be written.
+    #[error("cannot write `{path}`: {source}")]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A chart cannot be drawn.
+    #[error(transparent)]
+    Chart(#[from] residual_chart::ChartError),
+    /// The address cannot be listened on.
+    #[error("cannot listen on {address}: {reason}; choose another address with --listen")]
+    Listen {
+        /// The address.
+        address: std::net::SocketAddr,
+        /// What the system said.
+        reason: String,
+    },
     /// Signal handlers cannot be installed.
     #[error("cannot install signal handlers: {0}")]
     Signals(io::Error),
@@ -61,16 +92,24 @@ impl Error {
         match self {
             Self::NoInstance(_)
             | Self::Open(OpenError::NotFound { .. })
+            | Self::Request(RequestError::NoDaemon { .. } | RequestError::DaemonEnded)
             | Self::Record(RecordError::NoDaemon(_) | RecordError::Table(OpenError::NotFound { .. })) => {
                 NO_DAEMON
             }
+            Self::Request(RequestError::TimedOut { .. }) => TIMED_OUT,
             Self::SeveralInstances(_)
             | Self::NoSuchDiagnoser { .. }
+            | Self::Selection(_)
             | Self::Record(RecordError::NoSuchDiagnoser { .. }) => USAGE,
             Self::RuntimeDirectory { .. }
             | Self::Open(_)
             | Self::Read(_)
+            | Self::Request(_)
             | Self::Record(_)
+            | Self::Recording(_)
+            | Self::File { .. }
+            | Self::Chart(_)
+            | Self::Listen { .. }
             | Self::Signals(_)
             | Self::Output(_) => FAILURE,
         }

@@ -1,12 +1,17 @@
 //! `residual`: what the diagnosers of a residuald daemon say, on the command line.
 
+mod alarms;
 mod arguments;
+mod ctl;
 mod error;
+mod export;
 mod instances;
 mod number;
+mod plot;
 mod record;
 mod snapshot;
 mod status;
+mod until;
 mod watch;
 
 use std::process::ExitCode;
@@ -30,13 +35,15 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<u8, Error> {
-    let open = |name: &Option<_>| -> Result<Monitor, Error> {
-        let instance = instances::choose(name.as_ref(), &arguments.runtime_directory)?;
-        Ok(Monitor::open(&instance)?)
-    };
+    let choose = |name: &Option<_>| instances::choose(name.as_ref(), &arguments.runtime_directory);
+    let open = |name: &Option<_>| -> Result<Monitor, Error> { Ok(Monitor::open(&choose(name)?)?) };
     match &arguments.command {
         Command::Status { instance, json } => status::run(&mut open(instance)?, *json),
+        Command::Plot(options) => plot::run(options),
+        Command::Export { target } => export::run(target, &arguments.runtime_directory),
         Command::Record(options) => record::run(options, &arguments.runtime_directory),
+        Command::Ctl(control) => ctl::run(control, &arguments.runtime_directory),
         Command::Watch { instance, options } => watch::run(&mut open(instance)?, options),
+        Command::Alarms(options) => alarms::run(&choose(&options.instance)?, options),
     }
 }

@@ -1,10 +1,11 @@
-//! What a residuald daemon says, for other programs: newest records, alarms, and every record.
+//! What a residuald daemon says, for other programs: newest records, alarms, every record; and what they may ask of it.
 //!
 //! | use | what | example |
 //! |---|---|---|
 //! | poll the bounds | [`Monitor`] | `poll` |
 //! | wait for alarms | [`AlarmListener`] | `alarms` |
 //! | take every step record | `StepRecords`, feature `transport` | `records` |
+//! | control the daemon | `Control`, feature `transport` | `control` |
 //!
 //! The first two read the daemon's bounds table through a read-only mapping: any number of clients, of any user who
 //! may read the file, at any rate, without the daemon noticing. Without features the library depends on nothing but
@@ -73,6 +74,20 @@
 #![cfg_attr(
     feature = "transport",
     doc = r#"
+# Control
+```no_run
+use residual_client::{Control, Instance};
+
+# fn main() -> Result<(), Box<dyn std::error::Error>> {
+let control = Control::connect(&Instance::from_environment("vehicle".parse()?))?;
+for diagnoser in control.list()?.diagnosers {
+    println!("{}: {} steps", diagnoser.name, diagnoser.steps);
+}
+control.reset("steering")?;
+# Ok(())
+# }
+```
+
 # Every step record
 ```no_run
 use residual_client::{Instance, StepRecords};
@@ -91,6 +106,8 @@ loop {
 
 mod alarm_event;
 mod alarms;
+#[cfg(feature = "transport")]
+mod control;
 mod latest_table;
 mod monitor;
 mod reading;
@@ -99,6 +116,8 @@ mod step_records;
 
 pub use alarm_event::{Alarm, AlarmEvent};
 pub use alarms::{AlarmListener, AlarmStart};
+#[cfg(feature = "transport")]
+pub use control::{Control, DEFAULT_TIMEOUT, LogLevel};
 pub use latest_table::{DaemonState, RETRY_PERIOD_NS};
 pub use monitor::{Followed, Monitor, MonitorError};
 pub use reading::{Freshness, Reading};
@@ -109,12 +128,17 @@ pub use residual_shared::bounds_table::{
     ChannelSpec, Directory, InputSpec, Liveness, OpenError, ReadError, SlotSpec, TableReader, TableSpec,
 };
 pub use residual_shared::clock::{DaemonTime, monotonic_ns};
+#[cfg(feature = "transport")]
+pub use residual_shared::control::{
+    Alarms, ChannelDescription, CheckpointOutcome, ControlCounters, ControlError, Counter, DiagnoserDescription,
+    DiagnoserEntry, Listing, ReloadOutcome, Request, Response, Which,
+};
 pub use residual_shared::counters::{AlarmStatus, InputCounters, ScheduleCounters};
 pub use residual_shared::names::{
     DEFAULT_RUNTIME_DIRECTORY, Instance, InstanceName, InstanceNameError, RUNTIME_DIRECTORY_VARIABLE,
 };
-pub use residual_shared::record::{Channel, StepRecord, Verdict, flags};
+pub use residual_shared::record::{Channel, StepRecord, Verdict, fault_names, flags};
 #[cfg(feature = "transport")]
-pub use residual_shared::transport::{RecordHeader, TransportError};
+pub use residual_shared::transport::{RecordHeader, RequestError, TransportError};
 #[cfg(feature = "transport")]
 pub use step_records::{RecordCounts, StepRecords};

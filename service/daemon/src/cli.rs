@@ -126,9 +126,9 @@ fn execute_run(path: &std::path::Path, speed: f64, format: SummaryFormat) -> Res
     } else {
         Configuration::from_file(path)?
     };
-    let _log = logging::start(&loaded.configuration.daemon.log).into_diagnostic()?;
+    let (_log, filter) = logging::start(&loaded.configuration.daemon.log).into_diagnostic()?;
     let diagnosers = loaded.build_diagnosers()?;
-    let summary = run::run(&loaded.configuration, diagnosers, speed).into_diagnostic()?;
+    let summary = run::run(&loaded.configuration, diagnosers, speed, filter).into_diagnostic()?;
     match format {
         SummaryFormat::Text => println!("{summary}"),
         SummaryFormat::Json => println!("{}", serde_json::to_string(&summary).into_diagnostic()?),

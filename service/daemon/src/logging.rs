@@ -5,27 +5,68 @@ use std::io::IsTerminal as _;
 
 use iceoryx2_log::{Log, LogLevel};
 use tracing_appender::non_blocking::{NonBlocking, WorkerGuard};
-use tracing_subscriber::EnvFilter;
 use tracing_subscriber::filter::ParseError;
+use tracing_subscriber::layer::SubscriberExt as _;
+use tracing_subscriber::util::SubscriberInitExt as _;
+use tracing_subscriber::{EnvFilter, Registry, fmt, reload};
 
 /// Environment variable that overrides the configured filter.
 pub const FILTER_VARIABLE: &str = "RESIDUALD_LOG";
 
-/// Starts the log with the given filter (for example `info` or `warn,residuald=debug`).
+/// Starts the log with the given filter (for example `info` or `warn,residuald=debug`); its filter can be changed
+/// later.
 ///
 /// The returned guard must live as long as the program: dropping it writes out what is still queued.
-pub fn start(filter: &str) -> Result<WorkerGuard, ParseError> {
+///
+/// # Errors
+/// The filter is none.
+pub fn start(filter: &str) -> Result<(WorkerGuard, LogFilter), ParseError> {
     let filter = std::env::var(FILTER_VARIABLE).unwrap_or_else(|_| filter.into());
-    let filter = EnvFilter::try_new(filter)?;
+    let (filter, handle) = reload::Layer::new(EnvFilter::try_new(filter)?);
     let (writer, guard) = NonBlocking::new(std::io::stderr());
-    let subscriber = tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let lines = fmt::layer()
         .with_writer(writer)
         .with_ansi(std::io::stderr().is_terminal());
     // A second start in one process (tests) keeps the first log.
-    let _ = subscriber.try_init();
+    let _ = Registry::default().with(filter).with(lines).try_init();
     iceoryx2_log::set_logger(&ICEORYX_LOG);
-    Ok(guard)
+    Ok((guard, LogFilter(handle)))
+}
+
+/// The filter of the running log.
+#[derive(Clone, Debug)]
+pub struct LogFilter(reload::Handle<EnvFilter, Registry>);
+
+/// Why the filter was not changed.
+#[derive(Debug, thiserror::Error)]
+pub enum FilterError {
+    /// It is none.
+    #[error(transparent)]
+    Parse(#[from] ParseError),
+    /// It would switch the log off by an oversight.
+    #[error("it is empty")]
+    Empty,
+    /// The log has ended.
+    #[error("the log cannot be changed: {0}")]
+    Log(#[from] reload::Error),
+}
+
+impl LogFilter {
+    /// The filter as it is now.
+    pub fn current(&self) -> String {
+        self.0.with_current(ToString::to_string).unwrap_or_default()
+    }
+
+    /// Replaces the filter.
+    ///
+    /// # Errors
+    /// See [`FilterError`]; the filter is as before then.
+    pub fn set(&self, filter: &str) -> Result<(), FilterError> {
+        if filter.trim().is_empty() {
+            return Err(FilterError::Empty);
+        }
+        Ok(self.0.reload(EnvFilter::try_new(filter)?)?)
+    }
 }
 
 /// Forwards iceoryx2's messages to `tracing`.

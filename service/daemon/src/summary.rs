@@ -3,6 +3,7 @@
 use std::fmt;
 
 use hdrhistogram::Histogram;
+use residual_shared::control::ControlCounters;
 use residual_shared::counters::{InputCounters, ScheduleCounters};
 use serde::{Deserialize, Serialize};
 
@@ -16,6 +17,8 @@ pub struct Summary {
     pub diagnosers: Vec<DiagnoserSummary>,
     /// One entry an input.
     pub inputs: Vec<InputSummary>,
+    /// What became of the control requests.
+    pub control: ControlCounters,
     /// Durations of all steps.
     pub step_times: StepTimes,
 }
@@ -83,7 +86,7 @@ impl fmt::Display for StepTimes {
 
 impl Summary {
     /// The summary of an engine that has stopped.
-    pub fn of(configuration: &Configuration, engine: &Engine) -> Self {
+    pub fn of(configuration: &Configuration, engine: &Engine, control: ControlCounters) -> Self {
         let named = |names: &[&'static str], words: &[u64]| {
             names
                 .iter()
@@ -110,6 +113,7 @@ impl Summary {
                     counters: named(InputCounters::NAMES, &counters.to_words()),
                 })
                 .collect(),
+            control,
             step_times: StepTimes::of(engine.step_times_ns()),
         }
     }
@@ -148,6 +152,15 @@ impl fmt::Display for Summary {
         for input in &self.inputs {
             writeln!(formatter, "input {}: {}", input.name, counters(&input.counters))?;
         }
+        let ControlCounters {
+            answered,
+            rejected,
+            timed_out,
+        } = self.control;
+        writeln!(
+            formatter,
+            "control requests: answered {answered}, rejected {rejected}, timed out {timed_out}"
+        )?;
         write!(formatter, "step time: {}", self.step_times)
     }
 }

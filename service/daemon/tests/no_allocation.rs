@@ -19,6 +19,7 @@ use residuald::demo::composition::compose;
 use residuald::demo::plants::Merged;
 use residuald::demo::plants::aircraft::{Aircraft, Disturbance};
 use residuald::demo::scenario::{self, Variation};
+use residuald::runtime::command::{self, Command, Reply};
 use residuald::runtime::companion::Message;
 use residuald::runtime::engine::RecordSink;
 use support::publisher::Drivers;
@@ -71,6 +72,8 @@ const TURNS: u64 = 2_400;
 const WARM_UP: u64 = 20;
 /// Measurements after which the aircraft begins anew, healthy: a jump, an episode of alarms, its end.
 const COURSE: u64 = 240;
+/// Turns from one reset by command to the next.
+const COMMAND_EVERY: u64 = 3 * COURSE;
 /// So that the test takes seconds, the daemon's time runs faster.
 const SPEED: f64 = 8.0;
 
@@ -86,6 +89,8 @@ struct Seen {
     missing: u64,
     late: u64,
     isolated: u64,
+    obeyed: u64,
+    refused: u64,
 }
 
 impl Seen {
@@ -147,7 +152,7 @@ fn send(drivers: &mut Drivers, aircraft: &mut Aircraft, k: u64, stamp_ns: u64) {
 }
 
 #[test]
-fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_and_resets_allocate_nothing() {
+fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_resets_and_commands_allocate_nothing() {
     let mut stage = Stage::new();
     stage.set_diagnoser("margin_s", 0.0);
     let loaded = Configuration::from_text("test", &stage.configuration.to_string()).unwrap();
@@ -155,7 +160,17 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_and_resets_alloca
     let node = transport::open_node(&stage.instance).unwrap();
     let (sender, mut receiver) = rtrb::RingBuffer::new(loaded.configuration.daemon.record_queue);
     let stop = AtomicBool::new(false);
-    let mut steps = step_loop(&loaded.configuration, diagnosers, SPEED, &node, sender, &stop).unwrap();
+    let (mut commands, inbox) = command::channel();
+    let mut steps = step_loop(
+        &loaded.configuration,
+        diagnosers,
+        SPEED,
+        &node,
+        sender,
+        inbox,
+        &stop,
+    )
+    .unwrap();
     let mut drivers = Drivers::open(&stage.instance);
     let spec = stage.table().directory().spec.clone();
     let time: DaemonTime = spec.time;
@@ -170,9 +185,19 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_and_resets_alloca
         let instant_ns = spec.schedule_epoch_ns + k * PERIOD_NS;
         sleep_until_monotonic(time.to_monotonic(instant_ns));
         send(&mut drivers, &mut aircraft, k, instant_ns);
+        if k % COMMAND_EVERY == COMMAND_EVERY - 1 {
+            let ticket = commands.ticket();
+            commands.send(ticket, Command::Reset(0));
+            commands.send(ticket, Command::Acknowledge(0));
+            commands.send(ticket, Command::Reset(1));
+        }
         let of_this_turn = allocations(|| steps.turn());
         if k >= WARM_UP {
             counted += of_this_turn;
+        }
+        while let Some((_, reply)) = commands.reply() {
+            seen.obeyed += u64::from(matches!(reply, Reply::Reset));
+            seen.refused += u64::from(matches!(reply, Reply::NoSuchSlot));
         }
         while let Ok(message) = receiver.pop() {
             if let Message::Record(_, record) = message {
@@ -192,6 +217,8 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_and_resets_alloca
         seen.missing > 100 && seen.late > 10 && seen.isolated > 100,
         "{seen:?}"
     );
+    let commanded = TURNS / COMMAND_EVERY;
+    assert_eq!((seen.obeyed, seen.refused), (commanded, commanded), "{seen:?}");
     let sensors = stage.input_counters(0);
     for (name, value) in [
         ("non_finite", sensors.non_finite),

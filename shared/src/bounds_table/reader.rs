@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
+use std::time::Duration;
 
 use super::alarm_words::decode_alarm;
 use super::create::boot_id;
@@ -203,6 +204,12 @@ impl TableReader {
             words[header::HEARTBEAT].load(),
             now_ns,
         )
+    }
+
+    /// Time since the daemon's last sign of life, at the moment `now_ns` of CLOCK_MONOTONIC.
+    pub fn heartbeat_age(&self, now_ns: u64) -> Duration {
+        let heartbeat_ns = self.mapping.words()[header::HEARTBEAT].load();
+        Duration::from_nanos(now_ns.saturating_sub(heartbeat_ns))
     }
 
     /// Whether the path leads to another file by now (one system call): the daemon has been started again.

@@ -12,6 +12,22 @@ const DIGITS: usize = 4;
 /// A discrete-time pole below this modulus is zero but for rounding.
 const DEAD_BEAT: f64 = 1e-9;
 
+/// What the gains achieve, in short: name and value. `residuald explain` says all of it.
+pub(super) fn summary(achieved: &Achieved) -> Vec<(&'static str, String)> {
+    let entries =
+        |name: &'static str, values: Vec<String>| values.into_iter().map(move |value| (name, value));
+    let conditions = smallest_margin(achieved).into_iter().collect();
+    let detected = smallest_faults(achieved).into_iter().collect();
+    let alarms = achieved.false_alarms.iter().map(false_alarms).collect();
+    entries("conditions", conditions)
+        .chain(entries("detected", detected))
+        .chain(entries("smallest faults", not_stated(achieved)))
+        .chain(entries("false alarms", alarms))
+        .chain(entries("never fire", never_firing(&achieved.thresholds)))
+        .chain(entries("insensitive", insensitive(&achieved.thresholds)))
+        .collect()
+}
+
 /// A number with few digits.
 pub(super) fn number(value: f64) -> String {
     let magnitude = value.abs();

@@ -1,12 +1,10 @@
 //! `residuald check`: what a configuration means, or what is wrong with it.
 
-use super::achieved::{
-    false_alarms, insensitive, never_firing, not_stated, smallest_faults, smallest_margin,
-};
+use super::achieved::summary;
+use super::descriptions::signals;
 use super::lines::Lines;
 use crate::configuration::{
     Configuration, DaemonSection, DiagnoserConfiguration, InputConfiguration, RealtimeSection,
-    SignalReference,
 };
 use miette::IntoDiagnostic;
 use nix::sys::statfs::{TMPFS_MAGIC, statfs};
@@ -140,12 +138,18 @@ fn diagnoser(
             diagnoser.priority
         ),
     );
-    lines.entry("measurements", signals(&diagnoser.measurements, inputs));
+    lines.entry(
+        "measurements",
+        signals(&diagnoser.measurements, inputs).join(", "),
+    );
     let delay = match diagnoser.command_delay_steps {
         0 => String::new(),
         steps => format!(" (acting {steps} steps later)"),
     };
-    lines.entry("commands", signals(&diagnoser.commands, inputs) + &delay);
+    lines.entry(
+        "commands",
+        signals(&diagnoser.commands, inputs).join(", ") + &delay,
+    );
     lines.entry("faults", description.faults.join(", "));
     for (name, value) in &built.notes {
         lines.entry(name, value);
@@ -164,32 +168,9 @@ fn diagnoser(
 
 /// What the gains achieve, in short; `residuald explain` says all of it.
 fn achieved(lines: &mut Lines, achieved: &Achieved) {
-    if let Some(margin) = smallest_margin(achieved) {
-        lines.entry("conditions", margin);
+    for (name, value) in summary(achieved) {
+        lines.entry(name, value);
     }
-    if let Some(faults) = smallest_faults(achieved) {
-        lines.entry("detected", faults);
-    }
-    for sizes in not_stated(achieved) {
-        lines.entry("smallest faults", sizes);
-    }
-    if let Some(alarms) = &achieved.false_alarms {
-        lines.entry("false alarms", false_alarms(alarms));
-    }
-    for channels in never_firing(&achieved.thresholds) {
-        lines.entry("never fire", channels);
-    }
-    for channels in insensitive(&achieved.thresholds) {
-        lines.entry("insensitive", channels);
-    }
-}
-
-fn signals(references: &[SignalReference], inputs: &[InputConfiguration]) -> String {
-    let name = |reference: &SignalReference| {
-        let input = &inputs[reference.input];
-        format!("{}.{}", input.name, input.signals[reference.element])
-    };
-    references.iter().map(name).collect::<Vec<_>>().join(", ")
 }
 
 /// What this machine would not give to the daemon; another one may.

@@ -2,6 +2,7 @@
 
 mod achieved;
 pub mod check;
+mod descriptions;
 pub mod design;
 pub mod explain;
 #[cfg(feature = "synthesis")]

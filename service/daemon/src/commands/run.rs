@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicBool;
 
 use residual_shared::bounds_table::{Access, CreateError, TableWriter};
 use residual_shared::clock::{DaemonTime, monotonic_ns};
+use residual_shared::control::ControlError;
 use residual_shared::names::Instance;
 use residual_shared::transport::{self, Node, SampleSubscriber, TransportError};
 use rtrb::Producer;
@@ -13,9 +14,12 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
 use tracing::{info, warn};
 
+use super::descriptions;
 use crate::assembly::{assemble, descriptions, log_names, table_spec};
 use crate::configuration::Configuration;
-use crate::runtime::companion::{Companion, Message};
+use crate::logging::LogFilter;
+use crate::runtime::command::{self, CommandInbox};
+use crate::runtime::companion::{Companion, Control, Identity, Message, Work};
 use crate::runtime::live::{Publication, StepLoop};
 use crate::runtime::lock::{InstanceLock, LockError};
 use crate::runtime::real_time;
@@ -47,11 +51,14 @@ pub enum RunError {
 
 /// Runs the daemon until it is told to stop (SIGTERM, SIGINT, SIGHUP); a second signal ends it at once.
 ///
+/// Control requests may change the filter of the `log`.
+///
 /// With a `speed` other than 1 the daemon's time runs faster or slower than the clock, for replays.
 pub fn run(
     configuration: &Configuration,
     diagnosers: Vec<Designed>,
     speed: f64,
+    log: LogFilter,
 ) -> Result<Summary, RunError> {
     if !(speed > 0.0 && speed.is_finite()) {
         return Err(RunError::Speed(speed));
@@ -60,7 +67,7 @@ pub fn run(
     let instance = configuration.daemon.instance();
     let _lock = InstanceLock::take(&instance)?;
     transport::remove_leftovers(&instance)?;
-    let outcome = monitor(configuration, diagnosers, speed, &instance, &stop);
+    let outcome = monitor(configuration, diagnosers, speed, log, &instance, &stop);
     let removed = transport::remove_leftovers(&instance);
     let summary = outcome?;
     removed?;
@@ -72,6 +79,7 @@ fn monitor(
     configuration: &Configuration,
     diagnosers: Vec<Designed>,
     speed: f64,
+    log: LogFilter,
     instance: &Instance,
     stop: &AtomicBool,
 ) -> Result<Summary, RunError> {
@@ -83,11 +91,21 @@ fn monitor(
     let node = transport::open_node(instance)?;
     let (sender, receiver) = rtrb::RingBuffer::new(configuration.daemon.record_queue);
     let names = log_names(configuration, &descriptions(&diagnosers));
-    let companion = Companion::start(instance.clone(), names, receiver)?;
+    let (commands, inbox) = command::channel();
+    let control = Control {
+        identity: Identity {
+            program: env!("CARGO_PKG_VERSION").into(),
+            diagnosers: descriptions::descriptions(configuration, &diagnosers),
+        },
+        commands,
+        log,
+        work: work(),
+    };
+    let companion = Companion::start(instance.clone(), names, receiver, control)?;
     // After the companion, which shall keep the usual scheduling, and before the epoch: locking memory takes
     // longer than a sampling period.
     real_time::apply(&configuration.realtime);
-    let step_loop = step_loop(configuration, diagnosers, speed, &node, sender, stop)?;
+    let step_loop = step_loop(configuration, diagnosers, speed, &node, sender, inbox, stop)?;
     info!(
         instance = %instance.name,
         table = %instance.bounds_path().display(),
@@ -95,21 +113,22 @@ fn monitor(
         "running"
     );
     let engine = step_loop.run();
-    drop(companion);
+    let control = companion.finish();
     info!("stopped");
-    Ok(Summary::of(configuration, &engine))
+    Ok(Summary::of(configuration, &engine, control))
 }
 
 /// The loop of the step thread with its subscribers and its bounds table, ready to run: the first sampling
 /// instant comes 20 ms from now.
 ///
-/// Records and changed counters go into `queue` as well; `stop` ends the loop.
+/// Records and changed counters go into `queue` as well; `commands` are obeyed; `stop` ends the loop.
 pub fn step_loop<'a>(
     configuration: &Configuration,
     diagnosers: Vec<Designed>,
     speed: f64,
     node: &Node,
     queue: Producer<Message>,
+    commands: CommandInbox,
     stop: &'a AtomicBool,
 ) -> Result<StepLoop<'a>, RunError> {
     let instance = configuration.daemon.instance();
@@ -149,8 +168,18 @@ pub fn step_loop<'a>(
         engine,
         subscribers,
         publication,
+        commands,
         time,
         stop,
+    })
+}
+
+/// What control requests that take long come to.
+fn work() -> Work {
+    Arc::new(|task, _| {
+        Err(ControlError::Unsupported {
+            reason: format!("it was built without {}; stop it and start it again", task.name()),
+        })
     })
 }
 

@@ -69,6 +69,8 @@ struct Unit {
     /// Whether a sample of any input has come: only then the diagnoser's own time begins, wherever its model
     /// starts from. So a replay and a daemon that waited for its sensors say the same.
     begun: bool,
+    /// Whether the diagnoser was reset from outside since its last record.
+    reset: bool,
     next_step: u64,
     record: StepRecord,
     counters: ScheduleCounters,
@@ -154,6 +156,18 @@ impl Engine {
         }
     }
 
+    /// Returns the diagnoser in `slot` to the state right after its construction; its next record has the flag
+    /// RESET, and its time begins anew with the next sample. False: there is no such slot.
+    pub fn reset(&mut self, slot: usize) -> bool {
+        self.units.get_mut(slot).map(Unit::reset).is_some()
+    }
+
+    /// Acknowledges the alarm of the diagnoser in `slot`; whether there was one. `None`: there is no such slot.
+    pub fn acknowledge(&mut self, slot: usize) -> Option<bool> {
+        // No alarm outlasts its violation, so none ever waits for an acknowledgement.
+        self.units.get(slot).map(|_| false)
+    }
+
     /// The door counters of each input.
     pub fn input_counters(&self) -> impl Iterator<Item = &InputCounters> {
         self.inboxes.iter().map(Inbox::counters)
@@ -192,10 +206,18 @@ impl Unit {
             diagnoser: unit.diagnoser,
             timing: unit.timing,
             begun: false,
+            reset: false,
             next_step: 0,
             record: StepRecord::new(channel_count),
             counters: ScheduleCounters::default(),
         }
+    }
+
+    fn reset(&mut self) {
+        self.diagnoser.reset();
+        self.record = StepRecord::new(self.diagnoser.description().channels.len());
+        self.begun = false;
+        self.reset = true;
     }
 
     /// Gives up the oldest instants of a backlog that is longer than the limit, and counts them.
@@ -229,6 +251,7 @@ impl Unit {
             (overrun, flags::OVERRUN),
             (gathered.missing, flags::INPUT_MISSING),
             (gathered.late, flags::LATE_SAMPLE),
+            (std::mem::take(&mut self.reset), flags::RESET),
         ]
         .iter()
         .filter_map(|&(set, flag)| set.then_some(flag))

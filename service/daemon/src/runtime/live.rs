@@ -1,4 +1,4 @@
-//! The step thread: waits for the next due step, receives samples, steps, publishes.
+//! The step thread: waits for the next due step, obeys commands, receives samples, steps, publishes.
 //!
 //! Between start and stop this loop makes no allocation, takes no lock, writes no log, and makes one kind of
 //! system call: the wait.
@@ -12,6 +12,7 @@ use residual_shared::record::StepRecord;
 use residual_shared::transport::SampleSubscriber;
 use rtrb::Producer;
 
+use super::command::{Command, CommandInbox, Reply};
 use super::companion::Message;
 use super::engine::{Engine, RecordSink};
 
@@ -121,6 +122,8 @@ pub struct StepLoop<'a> {
     pub subscribers: Vec<SampleSubscriber>,
     /// Where records go.
     pub publication: Publication,
+    /// Commands of the companion.
+    pub commands: CommandInbox,
     /// The daemon's time.
     pub time: DaemonTime,
     /// Set when the daemon shall stop.
@@ -147,8 +150,9 @@ impl StepLoop<'_> {
         sleep_until_monotonic(due_ns.min(heartbeat_ns));
     }
 
-    /// Receives every waiting sample, does every due step, publishes.
+    /// Obeys commands, receives every waiting sample, does every due step, publishes.
     pub fn turn(&mut self) {
+        self.obey();
         let Self {
             engine,
             subscribers,
@@ -164,5 +168,18 @@ impl StepLoop<'_> {
         }
         engine.step_due(now_ns, monotonic_ns, publication);
         publication.publish_counters(engine, monotonic_ns());
+    }
+
+    /// Does what the companion has asked for: before any sample or step of this turn.
+    fn obey(&mut self) {
+        let engine = &mut self.engine;
+        self.commands.take(|command| match command {
+            Command::Reset(slot) if engine.reset(slot) => Reply::Reset,
+            Command::Reset(_) => Reply::NoSuchSlot,
+            Command::Acknowledge(slot) => match engine.acknowledge(slot) {
+                Some(acknowledged) => Reply::Acknowledged(acknowledged),
+                None => Reply::NoSuchSlot,
+            },
+        });
     }
 }

@@ -11,12 +11,14 @@
 //! | [`assembler`] | samples of one sampling instant → step input |
 //! | [`schedule`] | sampling instants and who is next |
 //! | [`engine`] | all of it without clock and thread, shared with `replay` |
-//! | [`live`] | the step thread: waits, receives, steps, publishes |
-//! | [`companion`] | everything slow: recorders, log, cleaning |
+//! | [`live`] | the step thread: waits, obeys commands, receives, steps, publishes |
+//! | [`command`] | commands to the step thread, and their replies |
+//! | [`companion`] | everything slow: recorders, log, control requests, cleaning |
 //! | [`real_time`] | scheduling policy, processor, locked memory |
 //! | [`lock`] | one daemon per instance |
 
 pub mod assembler;
+pub mod command;
 pub mod companion;
 pub mod engine;
 pub mod inbox;

@@ -1,0 +1,178 @@
+//! Commands from the companion to the step thread, and what became of them.
+//!
+//! ```text
+//! companion: CommandSender ──(ticket, command)──▶ wait-free queue ──▶ CommandInbox: step thread, between two
+//!                          ◀──(ticket, reply)──── wait-free queue ◀──               sampling instants
+//! ```
+//!
+//! The step thread takes at most [`COMMANDS_PER_TURN`] commands at the begin of a turn. It neither allocates nor
+//! drops anything for them: whatever a command brought, or replaced, goes back in its reply. A command is taken
+//! only when there is room for its reply, so no reply is ever lost.
+
+use std::collections::VecDeque;
+
+use rtrb::{Consumer, Producer, RingBuffer};
+
+/// Commands the step thread takes in one turn, so that a flood of them cannot make a step late.
+pub const COMMANDS_PER_TURN: usize = 4;
+
+/// Commands on the way to the step thread; more of them wait on the companion's side.
+const QUEUE: usize = 64;
+
+/// Names the request that a command belongs to. The commands of one request may share a ticket; each gets its
+/// own reply.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Ticket(u64);
+
+/// What the step thread shall do between two sampling instants.
+#[derive(Debug)]
+pub enum Command {
+    /// Return the diagnoser in this slot to the state right after its construction.
+    Reset(usize),
+    /// Acknowledge the alarm of the diagnoser in this slot.
+    Acknowledge(usize),
+}
+
+/// What became of a command.
+#[derive(Debug)]
+pub enum Reply {
+    /// The diagnoser is reset; its next record says so.
+    Reset,
+    /// The alarm is acknowledged, or there was none to acknowledge (false).
+    Acknowledged(bool),
+    /// There is no such slot; nothing was done.
+    NoSuchSlot,
+}
+
+/// Makes both ends of the way to the step thread and back.
+pub fn channel() -> (CommandSender, CommandInbox) {
+    let (command_sender, commands) = RingBuffer::new(QUEUE);
+    let (replies, reply_receiver) = RingBuffer::new(QUEUE);
+    let sender = CommandSender {
+        commands: command_sender,
+        waiting: VecDeque::new(),
+        replies: reply_receiver,
+        tickets: 0,
+    };
+    (sender, CommandInbox { commands, replies })
+}
+
+/// The companion's end.
+#[derive(Debug)]
+pub struct CommandSender {
+    commands: Producer<(Ticket, Command)>,
+    /// What the queue had no room for, oldest first.
+    waiting: VecDeque<(Ticket, Command)>,
+    replies: Consumer<(Ticket, Reply)>,
+    tickets: u64,
+}
+
+impl CommandSender {
+    /// A ticket that no other request has.
+    pub fn ticket(&mut self) -> Ticket {
+        self.tickets += 1;
+        Ticket(self.tickets)
+    }
+
+    /// Sends a command; commands are taken in the order in which they are sent.
+    pub fn send(&mut self, ticket: Ticket, command: Command) {
+        self.waiting.push_back((ticket, command));
+        self.flush();
+    }
+
+    /// The next reply, if one has come.
+    pub fn reply(&mut self) -> Option<(Ticket, Reply)> {
+        self.flush();
+        self.replies.pop().ok()
+    }
+
+    /// Moves what waits into the queue as far as there is room.
+    fn flush(&mut self) {
+        while self.commands.slots() > 0
+            && let Some(issued) = self.waiting.pop_front()
+        {
+            // The queue has room, and this is its only producer.
+            let _ = self.commands.push(issued);
+        }
+    }
+}
+
+/// The step thread's end.
+#[derive(Debug)]
+pub struct CommandInbox {
+    commands: Consumer<(Ticket, Command)>,
+    replies: Producer<(Ticket, Reply)>,
+}
+
+impl CommandInbox {
+    /// Hands the commands of one turn to `execute`, oldest first, and sends its replies back.
+    ///
+    /// No allocation, no release, no system call but what `execute` does.
+    pub fn take(&mut self, mut execute: impl FnMut(Command) -> Reply) {
+        for _ in 0..COMMANDS_PER_TURN {
+            if self.replies.slots() == 0 {
+                return;
+            }
+            let Ok((ticket, command)) = self.commands.pop() else {
+                return;
+            };
+            // The queue has room, and this is its only producer.
+            let _ = self.replies.push((ticket, execute(command)));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_command_of_a_flood_is_executed_in_order_a_few_in_each_turn_and_replied_to() {
+        let (mut sender, mut inbox) = channel();
+        let tickets: Vec<Ticket> = (0..5 * QUEUE)
+            .map(|slot| {
+                let ticket = sender.ticket();
+                sender.send(ticket, Command::Reset(slot));
+                ticket
+            })
+            .collect();
+        let (mut executed, mut replied) = (Vec::new(), Vec::new());
+        while executed.len() < tickets.len() {
+            let before = executed.len();
+            inbox.take(|command| {
+                let Command::Reset(slot) = command else {
+                    panic!("nobody sent {command:?}")
+                };
+                executed.push(slot);
+                Reply::Reset
+            });
+            assert_eq!(executed.len() - before, COMMANDS_PER_TURN);
+            replied.extend(std::iter::from_fn(|| sender.reply()).map(|(ticket, _)| ticket));
+        }
+        assert_eq!(executed, (0..5 * QUEUE).collect::<Vec<_>>());
+        assert_eq!(replied, tickets);
+    }
+
+    #[test]
+    fn a_command_waits_until_there_is_room_for_its_reply() {
+        let (mut sender, mut inbox) = channel();
+        let ticket = sender.ticket();
+        for _ in 0..2 * QUEUE {
+            sender.send(ticket, Command::Acknowledge(0));
+        }
+        let mut executed = 0;
+        for _ in 0..QUEUE {
+            inbox.take(|_| {
+                executed += 1;
+                Reply::Acknowledged(true)
+            });
+        }
+        assert_eq!(executed, QUEUE, "nobody has taken a reply");
+        assert_eq!(std::iter::from_fn(|| sender.reply()).count(), QUEUE);
+        inbox.take(|_| {
+            executed += 1;
+            Reply::Acknowledged(true)
+        });
+        assert_eq!(executed, QUEUE + COMMANDS_PER_TURN);
+    }
+}

@@ -1,0 +1,179 @@
+//! The companion thread: everything slow that the step thread must not do.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`records`] | sends the step records, which come through a lock-free queue, to recorders |
+//! | [`log`] | writes changes of verdict and of the counters to the log |
+//! | [`control`] | answers control requests, through commands to the step thread where need be |
+//! | [`task`] | work for a control request that takes long, on a thread of its own |
+//!
+//! It clears away dead iceoryx2 nodes, too.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use residual_shared::control::ControlCounters;
+use residual_shared::names::Instance;
+use residual_shared::record::StepRecord;
+use residual_shared::transport::{self, ControlServer, RecordPublisher, TransportError};
+use rtrb::Consumer;
+use tracing::warn;
+
+use super::live::CounterReport;
+use control::ControlDesk;
+use log::ChangeLog;
+use records::RecordRelay;
+
+mod control;
+mod log;
+mod records;
+mod task;
+
+pub use control::{Control, Identity};
+pub use log::LogNames;
+pub use task::{StepThread, Task, Work};
+
+/// How long the thread sleeps when its queue is empty: recorders see a record, and requests are seen, at most this
+/// much later.
+const IDLE: Duration = Duration::from_millis(5);
+
+/// How often dead nodes are cleared: a scan costs about a millisecond.
+const CLEANING_PERIOD: Duration = Duration::from_secs(5);
+
+/// What the step thread sends over.
+#[derive(Clone, Copy)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a record is copied once into the queue, never moved on"
+)]
+pub enum Message {
+    /// The record of the diagnoser in a slot.
+    Record(usize, StepRecord),
+    /// New counters of one input or one diagnoser.
+    Counters(CounterReport),
+}
+
+/// The running companion thread; dropping it lets the thread work off its queue and ends it.
+pub struct Companion {
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<ControlCounters>>,
+}
+
+impl Companion {
+    /// Starts the thread; returns when its services stand.
+    ///
+    /// # Errors
+    /// See [`TransportError`].
+    pub fn start(
+        instance: Instance,
+        names: LogNames,
+        queue: Consumer<Message>,
+        control: Control,
+    ) -> Result<Self, TransportError> {
+        let stop = Arc::new(AtomicBool::new(false));
+        let (ready, wait_ready) = std::sync::mpsc::sync_channel(1);
+        let asked_to_stop = Arc::clone(&stop);
+        let thread = thread::spawn(move || {
+            // iceoryx2's ports belong to one thread, so they are made here.
+            match Worker::new(&instance, names, queue, control) {
+                Ok(worker) => {
+                    let _ = ready.send(Ok(()));
+                    worker.run(&asked_to_stop)
+                }
+                Err(error) => {
+                    let _ = ready.send(Err(error));
+                    ControlCounters::default()
+                }
+            }
+        });
+        match wait_ready.recv() {
+            Ok(Ok(())) => Ok(Self {
+                stop,
+                thread: Some(thread),
+            }),
+            Ok(Err(error)) => Err(error),
+            Err(_) => Err(TransportError::Node {
+                instance: "companion".into(),
+                reason: "the companion thread ended while starting".into(),
+            }),
+        }
+    }
+
+    /// Lets the thread work off its queue and ends it; what became of the control requests.
+    pub fn finish(mut self) -> ControlCounters {
+        self.join()
+    }
+
+    fn join(&mut self) -> ControlCounters {
+        self.stop.store(true, Ordering::Release);
+        let Some(thread) = self.thread.take() else {
+            return ControlCounters::default();
+        };
+        thread.join().unwrap_or_else(|_| {
+            warn!("the companion thread ended abnormally");
+            ControlCounters::default()
+        })
+    }
+}
+
+impl Drop for Companion {
+    fn drop(&mut self) {
+        self.join();
+    }
+}
+
+struct Worker {
+    queue: Consumer<Message>,
+    records: RecordRelay,
+    log: ChangeLog,
+    control: ControlDesk,
+    // Last, so that it outlives its ports.
+    node: transport::Node,
+}
+
+impl Worker {
+    fn new(
+        instance: &Instance,
+        names: LogNames,
+        queue: Consumer<Message>,
+        control: Control,
+    ) -> Result<Self, TransportError> {
+        let node = transport::open_node(instance)?;
+        Ok(Self {
+            queue,
+            records: RecordRelay::new(RecordPublisher::create(&node, instance)?),
+            log: ChangeLog::new(names),
+            control: ControlDesk::new(ControlServer::create(&node, instance)?, instance.clone(), control),
+            node,
+        })
+    }
+
+    fn run(mut self, stop: &AtomicBool) -> ControlCounters {
+        let mut cleaned = Instant::now();
+        loop {
+            let stopping = stop.load(Ordering::Acquire);
+            while let Ok(message) = self.queue.pop() {
+                match message {
+                    Message::Record(slot, record) => {
+                        self.records.send(slot, &record);
+                        self.log.record(slot, &record);
+                    }
+                    Message::Counters(report) => self.log.counters(&report),
+                }
+            }
+            self.control.serve();
+            if stopping {
+                break;
+            }
+            if cleaned.elapsed() >= CLEANING_PERIOD {
+                self.node.try_cleanup_dead_nodes();
+                cleaned = Instant::now();
+            }
+            thread::sleep(IDLE);
+        }
+        self.records.finish();
+        self.control.finish()
+    }
+}
