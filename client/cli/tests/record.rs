@@ -107,7 +107,8 @@ fn only_the_named_diagnosers_are_recorded_for_the_given_time() {
     let (records, samples, totals) = read(&path);
     assert_eq!((records, samples), (1, 0));
     let topics: Vec<String> = totals.unwrap().topics.into_keys().collect();
-    assert_eq!(topics, [format!("/{}/records/rear", live.instance.name)]);
+    let expected = ["alarms", "records/rear"].map(|topic| format!("/{}/{topic}", live.instance.name));
+    assert_eq!(topics, expected);
 }
 
 #[test]

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use std::time::Duration;
 
 use super::alarm_words::decode_alarm;
 use super::create::boot_id;
