@@ -7,8 +7,10 @@ use residual_client::{DEFAULT_RUNTIME_DIRECTORY, InstanceName, RUNTIME_DIRECTORY
 
 use crate::alarms::AlarmOptions;
 use crate::ctl::ControlArguments;
-use crate::record::RecordArguments;
+use crate::export::ExportTarget;
 use crate::generate::Generated;
+use crate::plot::PlotArguments;
+use crate::record::RecordArguments;
 use crate::watch::WatchOptions;
 
 /// What the program's end tells.
@@ -68,12 +70,22 @@ pub enum Command {
         #[command(flatten)]
         options: WatchOptions,
     },
+    /// Records every step record and alarm of the diagnosers, and if asked for the samples of the inputs, to an MCAP file.
+    #[command(after_help = EXIT_CODES)]
+    Record(RecordArguments),
+    /// Draws the channels of a recording: residuals between their bounds, alarms and faults.
+    #[command(after_help = EXIT_CODES)]
+    Plot(PlotArguments),
+    /// Hands records on to other programs: as CSV, or to Prometheus.
+    #[command(after_help = EXIT_CODES)]
+    Export {
+        /// Where to.
+        #[command(subcommand)]
+        target: ExportTarget,
+    },
     /// Shows the alarm transitions, each once and in order; what is lost is shown as a gap.
     #[command(after_help = EXIT_CODES)]
     Alarms(AlarmOptions),
-    /// Records every step record of the diagnosers, and if asked for the samples of the inputs, to an MCAP file.
-    #[command(after_help = EXIT_CODES)]
-    Record(RecordArguments),
     /// Writes shell completions or man pages.
     #[command(subcommand, hide = true)]
     Generate(Generated),

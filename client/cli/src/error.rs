@@ -53,6 +53,31 @@ pub enum Error {
     /// A recording cannot be made.
     #[error(transparent)]
     Record(#[from] RecordError),
+    /// A recording cannot be read.
+    #[error(transparent)]
+    Recording(#[from] residual_recording::ReadError),
+    /// A recording has no such diagnoser or channel, or nothing to draw of it.
+    #[error("{0}")]
+    Selection(String),
+    /// A file cannot be written.
+    #[error("cannot write `{path}`: {source}")]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A chart cannot be drawn.
+    #[error(transparent)]
+    Chart(#[from] residual_chart::ChartError),
+    /// The address cannot be listened on.
+    #[error("cannot listen on {address}: {reason}; choose another address with --listen")]
+    Listen {
+        /// The address.
+        address: std::net::SocketAddr,
+        /// What the system said.
+        reason: String,
+    },
     /// Signal handlers cannot be installed.
     #[error("cannot install signal handlers: {0}")]
     Signals(io::Error),
@@ -82,12 +107,17 @@ impl Error {
             Self::Request(RequestError::TimedOut { .. }) => TIMED_OUT,
             Self::SeveralInstances(_)
             | Self::NoSuchDiagnoser { .. }
+            | Self::Selection(_)
             | Self::Record(RecordError::NoSuchDiagnoser { .. }) => USAGE,
             Self::RuntimeDirectory { .. }
             | Self::Open(_)
             | Self::Read(_)
             | Self::Request(_)
             | Self::Record(_)
+            | Self::Recording(_)
+            | Self::File { .. }
+            | Self::Chart(_)
+            | Self::Listen { .. }
             | Self::Signals(_)
             | Self::ManPages { .. }
             | Self::Output(_) => FAILURE,

@@ -2,8 +2,6 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use clap::Args;
@@ -11,14 +9,14 @@ use residual_client::InstanceName;
 use residual_recording::Totals;
 use residual_recording::recorder::{self, Stream};
 use residual_recording::totals::End;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use time::OffsetDateTime;
 
 use crate::error::Error;
 use crate::instances;
+use crate::until::{self, seconds};
 
 /// Exit code: the recording is whole, but something was lost on the way to it.
-const LOST: u8 = 7;
+pub const LOST: u8 = 7;
 
 /// What to record.
 #[derive(Debug, Args)]
@@ -44,9 +42,9 @@ pub struct RecordArguments {
     configuration: Option<PathBuf>,
 }
 
-/// Records until told to end.
+/// Records until told to end; gives the exit code.
 pub fn run(arguments: &RecordArguments, runtime_directory: &Path) -> Result<u8, Error> {
-    let stop = stop_flag().map_err(Error::Signals)?;
+    let stop = until::stop_flag().map_err(Error::Signals)?;
     let instance = instances::choose(arguments.instance.as_ref(), runtime_directory)?;
     let mut stream = Stream::open(&instance, arguments.samples)?;
     let slots = stream.slots(&arguments.diagnosers)?;
@@ -72,25 +70,15 @@ fn report(totals: &Totals, out: &mut impl io::Write) -> io::Result<()> {
         }
     }
     if totals.end == Some(End::DaemonEnded) {
-        writeln!(out, "the daemon has ended")?;
+        writeln!(out, "the daemon has ended, or has loaded another configuration")?;
     }
-    match (totals.lost_records, totals.lost_samples) {
-        (0, 0) => writeln!(out, "nothing was lost on the way from the daemon"),
-        (records, samples) => writeln!(
+    match (totals.lost_records, totals.lost_samples, totals.lost_alarms) {
+        (0, 0, 0) => writeln!(out, "nothing was lost on the way from the daemon"),
+        (records, samples, alarms) => writeln!(
             out,
-            "LOST on the way from the daemon: {records} records, {samples} samples"
+            "LOST on the way from the daemon: {records} records, {samples} samples, {alarms} alarm transitions"
         ),
     }
-}
-
-/// A flag that the first signal to end sets; the second one ends the process at once.
-fn stop_flag() -> io::Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM, SIGHUP] {
-        signal_hook::flag::register_conditional_shutdown(signal, 1, Arc::clone(&stop))?;
-        signal_hook::flag::register(signal, Arc::clone(&stop))?;
-    }
-    Ok(stop)
 }
 
 fn default_name(instance: &InstanceName) -> String {
@@ -99,10 +87,4 @@ fn default_name(instance: &InstanceName) -> String {
     let (hour, minute, second) = now.to_hms();
     let month = u8::from(month);
     format!("{instance}-{year:04}{month:02}{day:02}T{hour:02}{minute:02}{second:02}Z.mcap")
-}
-
-/// Seconds as a duration.
-pub fn seconds(text: &str) -> Result<Duration, String> {
-    let seconds: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
-    Duration::try_from_secs_f64(seconds).map_err(|_| format!("{seconds} s is no time that can be waited for"))
 }

@@ -27,6 +27,7 @@ fn read(path: &Path) -> (usize, usize, Option<Totals>) {
                 assert_eq!(sample.elements, [0.25]);
                 samples += 1;
             }
+            Event::Alarm(transition) => panic!("{transition:?}"),
         }
     }
     (records, samples, reader.totals().cloned())
@@ -106,7 +107,8 @@ fn only_the_named_diagnosers_are_recorded_for_the_given_time() {
     let (records, samples, totals) = read(&path);
     assert_eq!((records, samples), (1, 0));
     let topics: Vec<String> = totals.unwrap().topics.into_keys().collect();
-    assert_eq!(topics, [format!("/{}/records/rear", live.instance.name)]);
+    let expected = ["alarms", "records/rear"].map(|topic| format!("/{}/{topic}", live.instance.name));
+    assert_eq!(topics, expected);
 }
 
 #[test]
@@ -128,7 +130,7 @@ fn what_a_stopped_recorder_lost_is_counted_and_told() {
     std::thread::sleep(Duration::from_millis(200));
     signal(&child, Signal::SIGTERM);
     let output = child.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(6), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(7), "{}", said(&output));
     let (records, samples, totals) = read(&path);
     let totals = totals.unwrap();
     assert_eq!(records as u64 + totals.lost_records, 3_001);

@@ -6,6 +6,7 @@
 //! | topic | messages | schema |
 //! |---|---|---|
 //! | `/INSTANCE/records/DIAGNOSER` | every step record | [`message::record`] |
+//! | `/INSTANCE/alarms` | every alarm transition | [`message::alarm`] |
 //! | `/INSTANCE/samples/INPUT` | every sample of an input, when asked for | [`message::sample`] |
 //!
 //! | metadata | what | in the file |

@@ -9,10 +9,12 @@ use mcap::McapError;
 use mcap::records::{Channel, Record};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
+use residual_shared::alarm::AlarmTransition;
+
 use crate::header::{self, Header};
-use crate::message::{MessageError, RecordMessage, SampleMessage};
+use crate::message::{MessageError, RecordMessage, SampleMessage, alarm};
 use crate::totals::{self, Totals};
-use crate::writer::{KIND, OF, RECORDS, SAMPLES};
+use crate::writer::{ALARMS, KIND, OF, RECORDS, SAMPLES};
 
 /// Longest record that a recording may have, bytes: more than a second of everything.
 const LONGEST_RECORD: usize = 1 << 30;
@@ -72,6 +74,8 @@ pub enum Event {
     Record(RecordMessage),
     /// A sample.
     Sample(SampleMessage),
+    /// An alarm transition.
+    Alarm(AlarmTransition),
 }
 
 /// What the messages of a topic are.
@@ -84,6 +88,7 @@ enum Kind {
         input: usize,
         keys: Vec<String>,
     },
+    Alarms,
     /// Somebody else's.
     Foreign,
 }
@@ -195,6 +200,7 @@ impl Reader {
         let event = match kind {
             Kind::Records { slot, keys } => RecordMessage::read(json, *slot, keys).map(Event::Record),
             Kind::Samples { input, keys } => SampleMessage::read(json, *input, keys).map(Event::Sample),
+            Kind::Alarms => alarm::read(json).map(Event::Alarm),
             Kind::Foreign => return Ok(None),
         };
         event.map(Some).map_err(|source| ReadError::Message {
@@ -222,6 +228,7 @@ impl Reader {
                     Some(Kind::Samples { input, keys })
                 })
             }
+            ALARMS => Some(Kind::Alarms),
             _ => None,
         }
         .unwrap_or(Kind::Foreign)

@@ -5,6 +5,11 @@ pub fn records(instance: &str, diagnoser: &str) -> String {
     format!("/{instance}/records/{diagnoser}")
 }
 
+/// The topic of the alarm transitions.
+pub fn alarms(instance: &str) -> String {
+    format!("/{instance}/alarms")
+}
+
 /// The topic of the samples of an input.
 pub fn samples(instance: &str, input: &str) -> String {
     format!("/{instance}/samples/{input}")

@@ -18,6 +18,8 @@ pub struct Totals {
     pub lost_records: u64,
     /// Samples that the recorder missed and the daemon had; what neither had was lost before both.
     pub lost_samples: u64,
+    /// Alarm transitions that the ring no longer held when the recorder came to read them.
+    pub lost_alarms: u64,
     /// Why the recording ended.
     pub end: Option<End>,
 }
@@ -38,14 +40,14 @@ pub struct TopicTotals {
 pub enum End {
     /// The recorder was told to end, or its time was over.
     Asked,
-    /// The daemon ended.
+    /// The daemon ended, or loaded another configuration.
     DaemonEnded,
 }
 
 impl Totals {
     /// Whether something was lost on the way from the daemon to the file.
     pub fn is_complete(&self) -> bool {
-        self.lost_records == 0 && self.lost_samples == 0
+        self.lost_records == 0 && self.lost_samples == 0 && self.lost_alarms == 0
     }
 
     /// As the texts of a metadata record.
@@ -53,6 +55,7 @@ impl Totals {
         let mut texts = BTreeMap::from([
             ("lost_records".to_owned(), self.lost_records.to_string()),
             ("lost_samples".to_owned(), self.lost_samples.to_string()),
+            ("lost_alarms".to_owned(), self.lost_alarms.to_string()),
         ]);
         let topics = serde_json::to_string(&self.topics);
         texts.extend(topics.ok().map(|json| ("topics".to_owned(), json)));
@@ -72,6 +75,7 @@ impl Totals {
             topics: serde_json::from_str(text("topics")?).map_err(|_| "topics")?,
             lost_records: number("lost_records")?,
             lost_samples: number("lost_samples")?,
+            lost_alarms: number("lost_alarms")?,
             end: end.transpose().map_err(|_| "end")?,
         })
     }
@@ -146,6 +150,7 @@ mod tests {
             .into(),
             lost_records: 1,
             lost_samples: 2,
+            lost_alarms: 3,
             end: Some(End::DaemonEnded),
         };
         let texts = totals.to_metadata();

@@ -7,10 +7,11 @@ use std::path::Path;
 
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{McapError, WriteOptions};
+use residual_shared::alarm::AlarmTransition;
 use serde_json::Value;
 
 use crate::header::{self, Header};
-use crate::message::{RecordMessage, SampleMessage};
+use crate::message::{self, RecordMessage, SampleMessage};
 use crate::totals::{self, SequenceGaps, StepGaps, TopicTotals, Totals};
 use crate::{schema, topic};
 
@@ -20,6 +21,8 @@ pub(crate) const KIND: &str = "kind";
 pub(crate) const OF: &str = "of";
 /// Kind: step records.
 pub(crate) const RECORDS: &str = "records";
+/// Kind: alarm transitions.
+pub(crate) const ALARMS: &str = "alarms";
 /// Kind: samples.
 pub(crate) const SAMPLES: &str = "samples";
 
@@ -46,6 +49,7 @@ pub struct Writer<W: Write + Seek> {
     header: Header,
     records: Vec<Option<RecordTopic>>,
     samples: Vec<SampleTopic>,
+    alarms: Topic,
     json: Vec<u8>,
 }
 
@@ -101,6 +105,8 @@ impl<W: Write + Seek> Writer<W> {
                 gaps: StepGaps::default(),
             }));
         }
+        let alarms = topic::alarms(&header.instance);
+        let alarms = Topic::add(&mut mcap, alarms, ALARMS, "", Vec::new(), &schema::alarm())?;
         let mut sample_topics = Vec::new();
         for input in header.inputs.iter().filter(|_| samples) {
             let keys = input.signal_keys();
@@ -117,6 +123,7 @@ impl<W: Write + Seek> Writer<W> {
             header,
             records,
             samples: sample_topics,
+            alarms,
             json: Vec::new(),
         })
     }
@@ -134,6 +141,19 @@ impl<W: Write + Seek> Writer<W> {
         message.write(&diagnoser.faults, &topic.keys, &mut self.json)?;
         let times = [received_ns, message.record.instant_ns].map(|time| self.header.wall_clock_ns(time));
         topic.write(&mut self.mcap, message.sequence, times, &self.json)
+    }
+
+    /// Writes an alarm transition received at `received_ns` (daemon's time), unless its diagnoser is not recorded.
+    pub fn write_alarm(&mut self, transition: &AlarmTransition, received_ns: u64) -> Result<(), WriteError> {
+        let slot = usize::try_from(transition.slot).unwrap_or(usize::MAX);
+        if matches!(self.records.get(slot), Some(None)) {
+            return Ok(());
+        }
+        self.json.clear();
+        message::alarm::write(transition, &self.header.diagnosers, &mut self.json)?;
+        let times = [received_ns, transition.instant_ns].map(|time| self.header.wall_clock_ns(time));
+        let number = transition.number.number;
+        self.alarms.write(&mut self.mcap, number, times, &self.json)
     }
 
     /// Writes a sample, if the samples are recorded.
@@ -159,7 +179,7 @@ impl<W: Write + Seek> Writer<W> {
     pub fn topics(&self) -> BTreeMap<String, TopicTotals> {
         let records = self.records.iter().flatten().map(|records| &records.topic);
         let samples = self.samples.iter().map(|samples| &samples.topic);
-        let topics = records.chain(samples);
+        let topics = records.chain(samples).chain([&self.alarms]);
         topics.map(|topic| (topic.name.clone(), topic.totals)).collect()
     }
 
@@ -192,7 +212,8 @@ impl Topic {
         schema: &Value,
     ) -> Result<Self, WriteError> {
         let title = format!("residual.{kind}.{of}");
-        let schema = mcap.add_schema(&title, "jsonschema", schema.to_string().as_bytes())?;
+        let title = title.trim_end_matches('.');
+        let schema = mcap.add_schema(title, "jsonschema", schema.to_string().as_bytes())?;
         let words = [(KIND, kind), (OF, of)].map(|(key, word)| (key.to_owned(), word.to_owned()));
         let channel = mcap.add_channel(schema, &name, "json", &words.into())?;
         Ok(Self {

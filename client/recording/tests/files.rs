@@ -6,11 +6,12 @@ mod common;
 use std::fs;
 use std::io::Cursor;
 
-use common::{header, record, sample};
+use common::{alarm, header, record, sample};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use residual_recording::totals::End;
 use residual_recording::{Event, ReadError, Reader, RecordMessage, Totals, Writer};
+use residual_shared::alarm::AlarmState;
 use residual_shared::record::{Channel, StepRecord};
 
 /// Writes `events` to a file of its own in `directory`.
@@ -21,6 +22,7 @@ fn written(directory: &tempfile::TempDir, events: &[Event]) -> std::path::PathBu
         match event {
             Event::Record(message) => writer.write_record(message, 5).unwrap(),
             Event::Sample(message) => writer.write_sample(message).unwrap(),
+            Event::Alarm(transition) => writer.write_alarm(transition, 5).unwrap(),
         }
     }
     let totals = Totals {
@@ -97,11 +99,18 @@ fn header_samples_and_totals_come_back() {
         sample(3, 31, &[1.0, 2.0, 3.0, -4.5e-300]),
     ];
     let mut events: Vec<Event> = samples.iter().cloned().map(Event::Sample).collect();
+    let raised = alarm(AlarmState::Raised);
+    events.push(Event::Alarm(raised));
     events.push(Event::Record(record(1, 6)));
     events.push(Event::Record(record(1, 9)));
     let path = written(&directory, &events);
     let (reader, back) = read(&path);
     assert_eq!(reader.header(), &header());
+    let alarms = back.iter().filter_map(|event| match event {
+        Event::Alarm(transition) => Some(*transition),
+        _ => None,
+    });
+    assert_eq!(alarms.collect::<Vec<_>>(), [raised]);
     for (back, sample) in back.iter().zip(&samples) {
         let Event::Sample(back) = back else {
             panic!("{back:?}")

@@ -6,8 +6,9 @@ mod common;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use common::{header, record, sample};
+use common::{alarm, header, record, sample};
 use residual_recording::{Totals, Writer};
+use residual_shared::alarm::AlarmState;
 
 /// Reads the recording and prints what the test compares.
 const SCRIPT: &str = r#"
@@ -22,6 +23,7 @@ with open(sys.argv[1], "rb") as file:
     fields = {schema.name: json.loads(schema.data)["properties"] for schema in summary.schemas.values()}
     metadata = {record.name: record.metadata for record in reader.iter_metadata()}
 record = next(message for message in messages if message[1] == "/vtol/records/front")
+alarm = next(message[4] for message in messages if message[1] == "/vtol/alarms")
 sample = next(message for message in messages if message[1] == "/vtol/samples/imu")
 def paths(fields, prefix=""):
     for name, field in fields.items():
@@ -34,6 +36,7 @@ print(json.dumps({
     "log_time": record[2], "publish_time": record[3],
     "residuals": [m[4]["channels"]["force"]["residual"] for m in messages if m[1] == "/vtol/records/front"],
     "yaw": record[4]["channels"]["yaw rate"], "faults": record[4]["certainly_faulty"],
+    "alarm": [alarm["state"], alarm["diagnoser"], alarm["channel"], alarm["fault_estimate_half_width"]],
     "signals": sample[4]["signals"], "fields": sorted(paths(fields["residual.records.front"])),
 }))
 "#;
@@ -79,6 +82,9 @@ fn the_official_library_reads_the_same_counts_values_and_fields() {
     writer.flush().unwrap();
     writer.write_record(&record(1, 0), 0).unwrap();
     writer.write_sample(&sample(0, 77, &[0.1, -1e-7])).unwrap();
+    writer
+        .write_alarm(&alarm(AlarmState::Isolated), 1_000_000_500)
+        .unwrap();
     let topics = writer.topics();
     writer
         .finish(&Totals {
@@ -99,7 +105,7 @@ fn the_official_library_reads_the_same_counts_values_and_fields() {
     );
     let said: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let expected = serde_json::json!({
-        "counts": { "/vtol/records/front": 4, "/vtol/records/rear": 1, "/vtol/samples/imu": 1 },
+        "counts": { "/vtol/records/front": 4, "/vtol/records/rear": 1, "/vtol/samples/imu": 1, "/vtol/alarms": 1 },
         "encodings": ["jsonschema"],
         "instance": "vtol",
         "missing": 2,
@@ -108,6 +114,7 @@ fn the_official_library_reads_the_same_counts_values_and_fields() {
         "residuals": [0.0, 0.1, 0.2, 0.5],
         "yaw": { "lower": 0.0, "residual": 0.0, "upper": 0.0, "ratio": null },
         "faults": ["valve \"2\""],
+        "alarm": ["isolated", "front", "yaw rate", "inf"],
         "signals": { "ax": 0.1, "ay": -1e-7 },
         "fields": said["fields"],
     });

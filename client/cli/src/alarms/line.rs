@@ -103,7 +103,7 @@ impl<'a> Transition<'a> {
             diagnoser: alarm.diagnoser_name(),
             state: transition.state.name(),
             verdict: verdict.name(),
-            flags: flag_names(transition.flags),
+            flags: alarm_flags::names(transition.flags).collect(),
             occurrence: transition.occurrence,
             certainly_faulty: alarm.certainly_faulty().collect(),
             possibly_faulty: alarm.possibly_faulty().collect(),
@@ -133,20 +133,6 @@ impl<'a> Transition<'a> {
         }
         writeln!(output)
     }
-}
-
-fn flag_names(flags: u32) -> Vec<&'static str> {
-    let names = [
-        (alarm_flags::LATCHED, "latched"),
-        (alarm_flags::ACKNOWLEDGED, "acknowledged"),
-        (alarm_flags::RESET, "reset"),
-        (alarm_flags::WITHDRAWN, "withdrawn"),
-    ];
-    names
-        .iter()
-        .filter(|(bit, _)| flags & bit != 0)
-        .map(|(_, name)| *name)
-        .collect()
 }
 
 const TIME: &[BorrowedFormatItem<'static>] =

@@ -1,5 +1,6 @@
 //! The messages of a recording, as JSON and back.
 
+pub mod alarm;
 pub mod record;
 pub mod sample;
 
@@ -18,7 +19,13 @@ pub enum MessageError {
     /// It has more channels than a record holds.
     #[error("it has {0} channels; a record holds {max}", max = residual_shared::record::MAX_CHANNELS)]
     TooManyChannels(usize),
-    /// The number of the publisher is none.
-    #[error("the publisher `{0}` is no hexadecimal number")]
-    Publisher(String),
+    /// A number is none.
+    #[error("`{0}` is no hexadecimal number")]
+    NotHexadecimal(String),
+    /// The number of an alarm is none.
+    #[error(transparent)]
+    AlarmNumber(#[from] residual_shared::alarm::AlarmNumberError),
+    /// The state of an alarm is none.
+    #[error("there is no alarm state {0}")]
+    State(u32),
 }

@@ -101,7 +101,7 @@ impl SampleMessage {
         elements.extend(read.surplus.iter().map(|element| element.0));
         Ok(Self {
             input,
-            publisher: publisher.map_err(|_| MessageError::Publisher(read.publisher))?,
+            publisher: publisher.map_err(|_| MessageError::NotHexadecimal(read.publisher))?,
             header: SampleHeader {
                 sequence: read.sequence,
                 timestamp_ns: read.timestamp_ns,

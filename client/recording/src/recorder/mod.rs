@@ -75,6 +75,7 @@ pub fn record(
         topics: written,
         lost_records: stream.lost_records(),
         lost_samples: stream.lost_samples(writer.missing_samples()),
+        lost_alarms: stream.lost_alarms(),
         end: Some(end),
     };
     if !stream.has_samples() {

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use residual_client::{AlarmEvent, AlarmListener, AlarmStart};
+use residual_shared::alarm::AlarmTransition;
 use residual_shared::bounds_table::{Liveness, TableReader};
 use residual_shared::clock::monotonic_ns;
 use residual_shared::counters::InputCounters;
@@ -25,6 +27,13 @@ pub enum Received {
     },
     /// A sample.
     Sample(SampleMessage),
+    /// An alarm transition.
+    Alarm {
+        /// The transition.
+        transition: AlarmTransition,
+        /// When it was received, nanoseconds of the daemon's time.
+        received_ns: u64,
+    },
 }
 
 /// What a daemon says from now on.
@@ -33,12 +42,14 @@ pub struct Stream {
     table: TableReader,
     records: RecordSubscriber,
     samples: Vec<SampleSubscriber>,
+    alarms: AlarmListener,
     /// Samples that the daemon had counted as lost at the beginning, by input.
     lost_before: Vec<u64>,
     /// When each input was looked at the last time.
     looked_ns: Vec<u64>,
     next_sequence: Option<u64>,
     lost_records: u64,
+    lost_alarms: u64,
     // After the ports.
     _node: Node,
 }
@@ -52,6 +63,7 @@ impl Stream {
             Liveness::Closed => return Err(RecordError::NoDaemon(instance.name.to_string())),
             _ => RecordSubscriber::open(&node, instance)?,
         };
+        let alarms = AlarmListener::open(instance, AlarmStart::Now)?;
         let mut header = Header::of(table.directory());
         let inputs = header.inputs.iter().filter(|_| samples);
         let subscribers = inputs.map(|input| SampleSubscriber::open(&node, instance, &input.name));
@@ -67,8 +79,10 @@ impl Stream {
             table,
             records,
             samples: subscribers,
+            alarms,
             next_sequence: None,
             lost_records: 0,
+            lost_alarms: 0,
             _node: node,
         })
     }
@@ -111,6 +125,11 @@ impl Stream {
     /// Records that were lost on the way here.
     pub fn lost_records(&self) -> u64 {
         self.lost_records
+    }
+
+    /// Alarm transitions that were overwritten before they could be read here.
+    pub fn lost_alarms(&self) -> u64 {
+        self.lost_alarms
     }
 
     /// Samples that were lost on the way here and that the daemon has, when `missing` of each input are missing.
@@ -163,6 +182,19 @@ impl Stream {
                 }
             }
             *looked_ns = began_ns;
+        }
+        while let Some(event) = self.alarms.try_next() {
+            match event {
+                AlarmEvent::Transition(alarm) if alarm.transition.number.epoch == self.header.epoch => {
+                    all.push(Received::Alarm {
+                        transition: alarm.transition,
+                        received_ns,
+                    });
+                }
+                AlarmEvent::Gap { first, last } => self.lost_alarms += last.saturating_sub(first) + 1,
+                // Of another life of the daemon.
+                AlarmEvent::Transition(_) | AlarmEvent::NewNumbering { .. } => {}
+            }
         }
         all
     }

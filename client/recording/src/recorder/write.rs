@@ -33,6 +33,10 @@ pub(super) fn write<W: Write + Seek>(
                         Received::Record { message, received_ns } => {
                             writer.write_record(message, *received_ns)?
                         }
+                        Received::Alarm {
+                            transition,
+                            received_ns,
+                        } => writer.write_alarm(transition, *received_ns)?,
                         Received::Sample(message) => writer.write_sample(message)?,
                     }
                 }

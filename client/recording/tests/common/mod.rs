@@ -3,6 +3,7 @@
 
 use residual_recording::header::{ChannelOf, Diagnoser, Header, Input};
 use residual_recording::{RecordMessage, SampleMessage};
+use residual_shared::alarm::{AlarmNumber, AlarmState, AlarmTransition};
 use residual_shared::clock::DaemonTime;
 use residual_shared::record::{Channel, StepRecord, Verdict};
 use residual_shared::sample::SampleHeader;
@@ -61,6 +62,31 @@ pub fn record(slot: usize, step: u64) -> RecordMessage {
         sequence: step,
         slot,
         record,
+    }
+}
+
+/// An alarm transition of the diagnoser `front`.
+pub fn alarm(state: AlarmState) -> AlarmTransition {
+    AlarmTransition {
+        number: AlarmNumber {
+            epoch: 1_764_000_000_000_000_017,
+            number: 3,
+        },
+        written_ns: 1_000_000_123,
+        instant_ns: 1_000_000_000,
+        step: 4,
+        slot: 0,
+        identity: u64::MAX - 7,
+        state,
+        flags: 1,
+        verdict: Verdict::Isolated as u32,
+        occurrence: 2,
+        certainly_faulty: 0b10,
+        possibly_faulty: 0b11,
+        channel: 1,
+        ratio: 1.5,
+        fault_estimate: 0.1,
+        fault_estimate_half_width: f64::INFINITY,
     }
 }
 

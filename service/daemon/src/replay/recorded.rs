@@ -93,6 +93,7 @@ impl Recorded {
                     latest_ns[*input] = arrival_ns;
                     recorded.samples.push((arrival_ns, sample));
                 }
+                Event::Alarm(_) => {}
             }
         }
         if recorded.samples.is_empty() {

@@ -1,6 +1,8 @@
 //! A running daemon is recorded, and its recording replays to the same bits.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod layouts;
+#[path = "../support/mod.rs"]
 mod support;
 
 use std::fs;
