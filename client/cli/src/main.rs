@@ -4,8 +4,10 @@ mod alarms;
 mod arguments;
 mod ctl;
 mod error;
+mod generate;
 mod instances;
 mod number;
+mod record;
 mod snapshot;
 mod status;
 mod watch;
@@ -36,7 +38,9 @@ fn run(arguments: &Arguments) -> Result<u8, Error> {
     match &arguments.command {
         Command::Status { instance, json } => status::run(&mut open(instance)?, *json),
         Command::Ctl(control) => ctl::run(control, &arguments.runtime_directory),
-        Command::Watch { instance, options } => watch::run(&mut open(instance)?, options),
+        Command::Record(options) => record::run(options, &arguments.runtime_directory),
+        Command::Watch { instance, options } => watch::run(&choose(instance)?, options),
         Command::Alarms(options) => alarms::run(&choose(&options.instance)?, options),
+        Command::Generate(generated) => generate::run(generated, &mut std::io::stdout().lock()),
     }
 }
