@@ -31,8 +31,8 @@ pub struct Ticket(u64);
 pub enum Command {
     /// Return the diagnoser in this slot to the state right after its construction.
     Reset(usize),
-    /// Acknowledge the alarm of the diagnoser in this slot.
-    Acknowledge(usize),
+    /// Acknowledge the alarm of the diagnoser in this slot; with a number, only if it is this occurrence of it.
+    Acknowledge(usize, Option<u64>),
     /// Go on with a snapshot of all states.
     Save(Box<Snapshot>),
     /// Go on with another configuration.
@@ -173,7 +173,7 @@ mod tests {
         let (mut sender, mut inbox) = channel();
         let ticket = sender.ticket();
         for _ in 0..2 * QUEUE {
-            sender.send(ticket, Command::Acknowledge(0));
+            sender.send(ticket, Command::Acknowledge(0, None));
         }
         let mut executed = 0;
         for _ in 0..QUEUE {
