@@ -76,6 +76,20 @@ pub mod alarm_flags {
     pub const RESET: u32 = 1 << 2;
     /// The diagnoser was removed from the configuration, or replaced by another one of its name.
     pub const WITHDRAWN: u32 = 1 << 3;
+
+    /// The names of the flags that are set, as shown to people and written to files.
+    pub fn names(set: u32) -> impl Iterator<Item = &'static str> {
+        let names = [
+            (LATCHED, "latched"),
+            (ACKNOWLEDGED, "acknowledged"),
+            (RESET, "reset"),
+            (WITHDRAWN, "withdrawn"),
+        ];
+        names
+            .into_iter()
+            .filter(move |(flag, _)| set & flag != 0)
+            .map(|(_, name)| name)
+    }
 }
 
 /// The name of a transition for ever: its number and the life of the daemon that wrote it.

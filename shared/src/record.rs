@@ -133,6 +133,23 @@ pub mod flags {
     pub const RESET: u32 = 1 << 5;
     /// A fault of the configured size could not be detected with the present thresholds.
     pub const THRESHOLD_INERT: u32 = 1 << 6;
+
+    /// The names of the flags that are set, as shown to people and written to files.
+    pub fn names(set: u32) -> impl Iterator<Item = &'static str> {
+        let names = [
+            (INSTANTS_SKIPPED, "instants skipped"),
+            (OVERRUN, "overrun"),
+            (INPUT_MISSING, "input missing"),
+            (LATE_SAMPLE, "late sample"),
+            (ALARM_NOW, "alarm now"),
+            (RESET, "reset"),
+            (THRESHOLD_INERT, "threshold inert"),
+        ];
+        names
+            .into_iter()
+            .filter(move |(flag, _)| set & flag != 0)
+            .map(|(_, name)| name)
+    }
 }
 
 /// What a diagnoser says at one sampling instant.
@@ -239,6 +256,16 @@ impl StepRecord {
                 .map(bits)
                 .eq(other.channels().iter().map(bits))
     }
+}
+
+/// The names of the faults in a set, of a diagnoser with these faults.
+pub fn fault_names(faults: &[String], set: u64) -> impl Iterator<Item = &str> {
+    faults
+        .iter()
+        .take(MAX_FAULTS)
+        .enumerate()
+        .filter(move |(bit, _)| set >> bit & 1 == 1)
+        .map(|(_, name)| name.as_str())
 }
 
 #[cfg(test)]

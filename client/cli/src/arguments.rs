@@ -2,11 +2,16 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Parser, Subcommand};
 use residual_client::{DEFAULT_RUNTIME_DIRECTORY, InstanceName, RUNTIME_DIRECTORY_VARIABLE};
 
 use crate::alarms::AlarmOptions;
 use crate::ctl::ControlArguments;
+use crate::export::ExportTarget;
+use crate::generate::Generated;
+use crate::plot::PlotArguments;
+use crate::record::RecordArguments;
+use crate::watch::WatchOptions;
 
 /// What the program's end tells.
 pub const EXIT_CODES: &str = "\
@@ -18,7 +23,8 @@ Exit codes:
   4  `status`: a diagnoser reports a fault
   5  `status`: no fault is reported, but a diagnoser does not judge: stale, starting, not evaluated, or
      guarantee lost
-  6  `ctl`: the daemon did not answer in time";
+  6  `ctl`: the daemon did not answer in time
+  7  `record`: the recording is whole, but something was lost on the way to it; it says how much";
 
 /// Looks at the diagnosers of a residuald daemon, and controls it.
 #[derive(Debug, Parser)]
@@ -52,8 +58,9 @@ pub enum Command {
     Ctl(ControlArguments),
     /// Shows every channel between its bounds, again and again.
     ///
-    /// On a terminal: a view that is drawn anew (q, Esc or Ctrl-C ends it). Otherwise: one line for each new
-    /// record; records that came and went between two looks are counted as missed.
+    /// On a terminal: a list of the diagnosers, and of each its channels with a live plot; the last line shows the
+    /// keys, q ends it. Otherwise: one line for each new record; records that came and went between two looks are
+    /// counted as missed.
     #[command(after_help = EXIT_CODES)]
     Watch {
         /// Name of the instance; may be left out if there is only one.
@@ -63,21 +70,23 @@ pub enum Command {
         #[command(flatten)]
         options: WatchOptions,
     },
+    /// Records every step record and alarm of the diagnosers, and if asked for the samples of the inputs, to an MCAP file.
+    #[command(after_help = EXIT_CODES)]
+    Record(RecordArguments),
+    /// Draws the channels of a recording: residuals between their bounds, alarms and faults.
+    #[command(after_help = EXIT_CODES)]
+    Plot(PlotArguments),
+    /// Hands records on to other programs: as CSV, or to Prometheus.
+    #[command(after_help = EXIT_CODES)]
+    Export {
+        /// Where to.
+        #[command(subcommand)]
+        target: ExportTarget,
+    },
     /// Shows the alarm transitions, each once and in order; what is lost is shown as a gap.
     #[command(after_help = EXIT_CODES)]
     Alarms(AlarmOptions),
-}
-
-/// What to watch, and how long.
-#[derive(Debug, Args)]
-pub struct WatchOptions {
-    /// Watches this diagnoser only; may be given several times.
-    #[arg(long = "diagnoser", value_name = "NAME")]
-    pub diagnosers: Vec<String>,
-    /// Time between two looks, milliseconds.
-    #[arg(long, value_name = "MS", default_value_t = 200, value_parser = clap::value_parser!(u64).range(1..=3_600_000))]
-    pub interval: u64,
-    /// Ends after so many views, or lines.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
-    pub count: Option<u64>,
+    /// Writes shell completions or man pages.
+    #[command(subcommand, hide = true)]
+    Generate(Generated),
 }

@@ -4,6 +4,7 @@ use std::io;
 use std::path::PathBuf;
 
 use residual_client::{OpenError, ReadError, RequestError};
+use residual_recording::recorder::RecordError;
 
 /// Exit code: an error.
 const FAILURE: u8 = 1;
@@ -49,6 +50,45 @@ pub enum Error {
         /// The names there are.
         known: Vec<String>,
     },
+    /// A recording cannot be made.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// A recording cannot be read.
+    #[error(transparent)]
+    Recording(#[from] residual_recording::ReadError),
+    /// A recording has no such diagnoser or channel, or nothing to draw of it.
+    #[error("{0}")]
+    Selection(String),
+    /// A file cannot be written.
+    #[error("cannot write `{path}`: {source}")]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A chart cannot be drawn.
+    #[error(transparent)]
+    Chart(#[from] residual_chart::ChartError),
+    /// The address cannot be listened on.
+    #[error("cannot listen on {address}: {reason}; choose another address with --listen")]
+    Listen {
+        /// The address.
+        address: std::net::SocketAddr,
+        /// What the system said.
+        reason: String,
+    },
+    /// Signal handlers cannot be installed.
+    #[error("cannot install signal handlers: {0}")]
+    Signals(io::Error),
+    /// The man pages cannot be written.
+    #[error("cannot write man pages to {}: {source}", directory.display())]
+    ManPages {
+        /// The directory.
+        directory: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
     /// The output cannot be written.
     #[error("cannot write the output: {0}")]
     Output(#[from] io::Error),
@@ -58,14 +98,28 @@ impl Error {
     /// The exit code.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::NoInstance(_) | Self::Open(OpenError::NotFound { .. }) => NO_DAEMON,
-            Self::Request(RequestError::NoDaemon { .. } | RequestError::DaemonEnded) => NO_DAEMON,
+            Self::NoInstance(_)
+            | Self::Open(OpenError::NotFound { .. })
+            | Self::Request(RequestError::NoDaemon { .. } | RequestError::DaemonEnded)
+            | Self::Record(RecordError::NoDaemon(_) | RecordError::Table(OpenError::NotFound { .. })) => {
+                NO_DAEMON
+            }
             Self::Request(RequestError::TimedOut { .. }) => TIMED_OUT,
-            Self::SeveralInstances(_) | Self::NoSuchDiagnoser { .. } => USAGE,
+            Self::SeveralInstances(_)
+            | Self::NoSuchDiagnoser { .. }
+            | Self::Selection(_)
+            | Self::Record(RecordError::NoSuchDiagnoser { .. }) => USAGE,
             Self::RuntimeDirectory { .. }
             | Self::Open(_)
             | Self::Read(_)
             | Self::Request(_)
+            | Self::Record(_)
+            | Self::Recording(_)
+            | Self::File { .. }
+            | Self::Chart(_)
+            | Self::Listen { .. }
+            | Self::Signals(_)
+            | Self::ManPages { .. }
             | Self::Output(_) => FAILURE,
         }
     }

@@ -4,10 +4,15 @@ mod alarms;
 mod arguments;
 mod ctl;
 mod error;
+mod export;
+mod generate;
 mod instances;
 mod number;
+mod plot;
+mod record;
 mod snapshot;
 mod status;
+mod until;
 mod watch;
 
 use std::process::ExitCode;
@@ -35,8 +40,12 @@ fn run(arguments: &Arguments) -> Result<u8, Error> {
     let open = |name: &Option<_>| -> Result<Monitor, Error> { Ok(Monitor::open(&choose(name)?)?) };
     match &arguments.command {
         Command::Status { instance, json } => status::run(&mut open(instance)?, *json),
+        Command::Plot(options) => plot::run(options),
+        Command::Export { target } => export::run(target, &arguments.runtime_directory),
+        Command::Record(options) => record::run(options, &arguments.runtime_directory),
         Command::Ctl(control) => ctl::run(control, &arguments.runtime_directory),
-        Command::Watch { instance, options } => watch::run(&mut open(instance)?, options),
+        Command::Watch { instance, options } => watch::run(&choose(instance)?, options),
         Command::Alarms(options) => alarms::run(&choose(&options.instance)?, options),
+        Command::Generate(generated) => generate::run(generated, &mut std::io::stdout().lock()),
     }
 }

@@ -7,21 +7,33 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Each crate of the workspace and those it may use.
-const ALLOWED: [(&str, &[&str]); 8] = [
+const ALLOWED: [(&str, &[&str]); 10] = [
     ("residual-shared", &[]),
     ("residual-diagnosis", &["residual-shared"]),
     ("residual-synthesis", &["residual-diagnosis", "residual-shared"]),
     ("residual-client", &["residual-shared"]),
     ("residual-client-c", &["residual-client"]),
-    ("residual-cli", &["residual-client", "residual-shared"]),
+    ("residual-recording", &["residual-client", "residual-shared"]),
+    ("residual-chart", &[]),
+    (
+        "residual-cli",
+        &[
+            "residual-recording",
+            "residual-chart",
+            "residual-client",
+            "residual-shared",
+        ],
+    ),
     (
         "residuald",
-        // The demonstration plays a client.
+        // The demonstration plays a client, a replay reads recordings, `design --plot` draws.
         &[
             "residual-synthesis",
             "residual-diagnosis",
             "residual-shared",
             "residual-client",
+            "residual-recording",
+            "residual-chart",
         ],
     ),
     (

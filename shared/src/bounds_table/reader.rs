@@ -205,6 +205,12 @@ impl TableReader {
         )
     }
 
+    /// Time since the daemon's last sign of life, at the moment `now_ns` of CLOCK_MONOTONIC.
+    pub fn heartbeat_age(&self, now_ns: u64) -> Duration {
+        let heartbeat_ns = self.mapping.words()[header::HEARTBEAT].load();
+        Duration::from_nanos(now_ns.saturating_sub(heartbeat_ns))
+    }
+
     /// Whether the path leads to another file by now (one system call): the daemon has been started again.
     pub fn is_replaced(&self) -> bool {
         file_id(&self.path).is_ok_and(|file| file != self.file)

@@ -33,7 +33,7 @@ pub enum SendError {
     },
 }
 
-/// The daemon's end of one input.
+/// The receiving end of one input: the daemon's, or that of a recorder beside it.
 pub struct SampleSubscriber {
     subscriber: Subscriber<ipc::Service, [f64], SampleHeader>,
 }
@@ -63,6 +63,23 @@ impl SampleSubscriber {
         let subscriber = service
             .subscriber_builder()
             .buffer_size(buffer_samples)
+            .create()
+            .map_err(|error| refused(&name, error))?;
+        Ok(Self { subscriber })
+    }
+
+    /// Subscribes beside the daemon to the service of `input`, which the daemon has created: samples from now on
+    /// are received. Nobody waits for such a reader; what it does not receive in time it loses.
+    pub fn open(node: &Node, instance: &Instance, input: &str) -> Result<Self, TransportError> {
+        let name = instance.sample_service(input);
+        let service: SampleService = node
+            .service_builder(&service_name(&name)?)
+            .publish_subscribe::<[f64]>()
+            .user_header::<SampleHeader>()
+            .open()
+            .map_err(|error| open_error(&name, error))?;
+        let subscriber = service
+            .subscriber_builder()
             .create()
             .map_err(|error| refused(&name, error))?;
         Ok(Self { subscriber })

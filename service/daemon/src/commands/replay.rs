@@ -8,6 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use miette::Diagnostic;
 use residual_diagnosis::diagnoser::Description;
 
+use super::replay_recorded;
 use crate::configuration::{Configuration, ConfigurationError, Loaded};
 use crate::replay::alarms::AlarmWriter;
 use crate::replay::detection_table::TableFormat;
@@ -15,6 +16,7 @@ use crate::replay::detections::Detections;
 use crate::replay::injection::{Fault, FaultError};
 use crate::replay::loss::{Loss, LossError};
 use crate::replay::mapping::{Mapping, MappingError, TimedSample};
+use crate::replay::recorded::{RecordedError, is_mcap};
 use crate::replay::recording::{ColumnRoles, Recording, RecordingError};
 use crate::replay::records::{RecordWriter, Replayed, WriteError};
 use crate::replay::report::Report;
@@ -26,9 +28,9 @@ use crate::replay::{simulated, through_daemon};
 /// What `residuald replay` takes.
 #[derive(Debug, Args)]
 pub struct ReplayArguments {
-    /// Configuration with a `[replay]` section.
+    /// The configuration; for a CSV recording with a `[replay]` section.
     pub configuration: PathBuf,
-    /// The recording: CSV with a header line.
+    /// The recording: CSV with a header line, or MCAP made by `residual record --samples`.
     pub recording: PathBuf,
     /// Publish over iceoryx2 to the running daemon of this configuration's instance, at the recorded pace.
     #[arg(long)]
@@ -60,6 +62,9 @@ pub struct ReplayArguments {
     #[arg(long, value_enum, value_name = "FORMAT", num_args = 0..=1, require_equals = true)]
     #[arg(default_missing_value = "text", conflicts_with = "totals")]
     pub table: Option<TableFormat>,
+    /// Fail unless every record of an MCAP recording comes out again, the same to the last bit.
+    #[arg(long)]
+    pub verify: bool,
 }
 
 /// Why a replay failed.
@@ -103,6 +108,18 @@ pub enum ReplayError {
     /// The daemon could not be fed.
     #[error(transparent)]
     Daemon(#[from] ThroughDaemonError),
+    /// An MCAP recording cannot be replayed.
+    #[error(transparent)]
+    Recorded(#[from] RecordedError),
+    /// The option works on the rows and columns of a CSV recording.
+    #[error("{0} works on CSV recordings only; leave it out")]
+    OnlyForCsv(&'static str),
+    /// A CSV recording holds no records.
+    #[error("--verify needs a recording with records: an MCAP file made by `residual record --samples`")]
+    NothingToVerify,
+    /// Recorded records did not come out again.
+    #[error("the replay differs from the recording; was it made with this configuration?")]
+    NotTheSame,
     /// Records cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
@@ -201,6 +218,12 @@ impl Replay {
 
 /// Executes the command; the report goes to standard output.
 pub fn execute(arguments: &ReplayArguments) -> Result<(), ReplayError> {
+    if is_mcap(&arguments.recording) {
+        return replay_recorded::execute(arguments);
+    }
+    if arguments.verify {
+        return Err(ReplayError::NothingToVerify);
+    }
     let replay = Replay::load(
         &arguments.configuration,
         &arguments.recording,
@@ -279,7 +302,7 @@ pub fn execute(arguments: &ReplayArguments) -> Result<(), ReplayError> {
 }
 
 /// Prints a report; whoever stops reading it halfway has read enough.
-fn say(report: &str) {
+pub(super) fn say(report: &str) {
     let _ = std::io::stdout().write_all(report.as_bytes());
 }
 

@@ -1,6 +1,6 @@
 //! Width of the bounds against time: the diagnoser is stepped from its start with all signals at zero.
 
-use super::chart::{Chart, Curve};
+use residual_chart::{Chart, Curve};
 use residual_diagnosis::diagnoser::{
     Channel, Description, Diagnoser, PacketHeader, PacketSource, Packets, StepInput, StepRecord,
 };
@@ -47,6 +47,7 @@ pub(super) fn chart(name: &str, sample_time_s: f64, designed: &Designed) -> Opti
         x: "time from the start, s".to_owned(),
         y: "upper minus lower bound".to_owned(),
         curves,
+        ..Chart::default()
     })
 }
 

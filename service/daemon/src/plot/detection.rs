@@ -1,6 +1,6 @@
 //! Detectable fault against delay.
 
-use super::chart::{Chart, Curve};
+use residual_chart::{Chart, Curve};
 use residual_diagnosis::achieved::Achieved;
 
 /// Per fault the smallest constant size that is detected within a time; a step curve from one delay to the next.
@@ -45,6 +45,7 @@ pub(super) fn chart(name: &str, sample_time_s: f64, achieved: &Achieved) -> Opti
         x: "delay from the onset, s".to_owned(),
         y: "size of the fault".to_owned(),
         curves,
+        ..Chart::default()
     })
 }
 

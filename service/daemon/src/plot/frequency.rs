@@ -1,6 +1,6 @@
 //! Singular values against frequency.
 
-use super::chart::{Chart, Curve};
+use residual_chart::{Chart, Curve};
 use residual_diagnosis::decomposition::eigenvalues;
 use residual_diagnosis::response::Response;
 use std::f64::consts::PI;
@@ -42,6 +42,7 @@ pub(super) fn chart(name: &str, responses: &[Response]) -> Option<Chart> {
         x: "frequency, rad/s".to_owned(),
         y: "singular value".to_owned(),
         curves,
+        ..Chart::default()
     })
 }
 

@@ -7,11 +7,10 @@
 //! | `NAME.detection.svg` | smallest constant fault that is detected within a time |
 
 mod bounds;
-mod chart;
 mod detection;
 mod frequency;
 
-use chart::{Chart, ChartError};
+use residual_chart::{Chart, ChartError};
 use residual_diagnosis::method::Designed;
 use residual_diagnosis::response::Response;
 use std::path::{Path, PathBuf};

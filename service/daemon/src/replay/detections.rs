@@ -4,7 +4,7 @@ use residual_diagnosis::diagnoser::Description;
 use serde::Serialize;
 
 use super::outcome::{Outcome, RunOutcome, median};
-use crate::runtime::companion::fault_names;
+use residual_shared::record::fault_names;
 
 /// Stands for all diagnosers together in the totals: what the first of them detects is detected.
 const ANY_DIAGNOSER: &str = "(any)";

@@ -2,7 +2,8 @@
 //!
 //! Two ways share everything but the clock: [`simulated`] steps the engine in this process as fast as it can,
 //! [`through_daemon`] publishes over iceoryx2 to a running daemon at the recorded pace. Without late samples
-//! both give the same records to the last bit.
+//! both give the same records to the last bit. A recording made by `residual record --samples` is replayed in this
+//! process ([`recorded`]), at the recorded instants.
 //!
 //! | module | what |
 //! |---|---|
@@ -14,6 +15,7 @@
 //! | [`mapping`] | recording → timed samples of the configured inputs |
 //! | [`records`] | step records to CSV |
 //! | [`alarms`] | alarm transitions to CSV |
+//! | [`recorded`], [`comparison`] | an MCAP recording, and whether its records come out again |
 //! | [`sequences`] | a run as one diagnoser would see it |
 //! | [`outcome`] | what the records of a run say: false alarms, detection, isolation |
 //! | [`report`] | the outcomes in words, run by run and in total |
@@ -21,12 +23,14 @@
 //! | [`detection_table`] | these as text, for people and for programs |
 
 pub mod alarms;
+pub mod comparison;
 pub mod detection_table;
 pub mod detections;
 pub mod injection;
 pub mod loss;
 pub mod mapping;
 pub mod outcome;
+pub mod recorded;
 pub mod recording;
 pub mod records;
 pub mod report;

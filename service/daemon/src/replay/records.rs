@@ -1,17 +1,16 @@
-//! Step records of a replay as CSV: one line a record, one group of four columns a channel.
+//! Step records of a replay as CSV, with the [columns] that `residual export csv` writes as well.
 //!
-//! Numbers are written with all their digits, so two files are equal exactly when their records agree in every
-//! bit. Step and time count from the start of the recording, whatever the daemon's clock says.
+//! Step and time count from the start of a CSV recording, whatever the daemon's clock says; those of an MCAP
+//! recording are the recorded ones.
 
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use residual_diagnosis::diagnoser::Description;
+use residual_recording::columns;
 use residual_shared::alarm::AlarmTransition;
 use residual_shared::record::StepRecord;
-
-use crate::runtime::companion::fault_names;
 
 /// Why a CSV file cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -28,7 +27,7 @@ pub struct WriteError {
 pub struct ReplayRecord {
     /// The diagnoser's slot.
     pub slot: usize,
-    /// The record as the diagnoser's instant counts: `step` and `instant_ns` since the start of the recording.
+    /// The record, with `step` and `instant_ns` since the start of a CSV recording.
     pub record: StepRecord,
 }
 
@@ -63,29 +62,8 @@ impl RecordWriter {
                 source,
             };
             let mut file = csv::Writer::from_writer(File::create(&own).map_err(failed)?);
-            let head = [
-                "run",
-                "step",
-                "time_ns",
-                "verdict",
-                "certainly_faulty",
-                "possibly_faulty",
-                "flags",
-            ];
-            let rest = [
-                "skipped_instants",
-                "inputs_valid",
-                "fault_estimate",
-                "fault_estimate_half_width",
-            ];
-            let channels = description.channels.iter().flat_map(|channel| {
-                ["lower", "residual", "upper", "ratio"].map(|part| format!("{}.{part}", channel.name))
-            });
-            let columns = head
-                .iter()
-                .chain(&rest)
-                .map(|&name| name.to_owned())
-                .chain(channels);
+            let channels = description.channels.iter().map(|channel| channel.name.as_str());
+            let columns = columns::names(channels);
             file.write_record(columns).map_err(|error| failed(error.into()))?;
             files.push(file);
         }
@@ -102,26 +80,7 @@ impl RecordWriter {
 
     /// Writes one record of a run.
     pub fn write(&mut self, run: &str, replayed: &ReplayRecord) -> Result<(), WriteError> {
-        let record = &replayed.record;
-        let faults = &self.faults[replayed.slot];
-        let names = |set| fault_names(faults, set).collect::<Vec<_>>().join("+");
-        let mut cells = vec![
-            run.to_owned(),
-            record.step.to_string(),
-            record.instant_ns.to_string(),
-            record.verdict().name().to_owned(),
-            names(record.certainly_faulty),
-            names(record.possibly_faulty),
-            record.flags.to_string(),
-            record.skipped_instants.to_string(),
-            record.inputs_valid.to_string(),
-            record.fault_estimate.to_string(),
-            record.fault_estimate_half_width.to_string(),
-        ];
-        for channel in record.channels() {
-            let numbers = [channel.lower, channel.residual, channel.upper, channel.ratio];
-            cells.extend(numbers.map(|number| number.to_string()));
-        }
+        let cells = columns::cells(run, &replayed.record, &self.faults[replayed.slot]);
         let failed = |error: csv::Error| WriteError {
             path: self.path.clone(),
             source: error.into(),

@@ -8,7 +8,7 @@ use residual_shared::alarm::AlarmTransition;
 use super::outcome::{Outcome, RunOutcome, median};
 use super::records::ReplayRecord;
 use super::run::Run;
-use crate::runtime::companion::fault_names;
+use residual_shared::record::fault_names;
 
 /// Collects the outcomes of the runs and puts them into words.
 pub struct Report {

@@ -89,7 +89,7 @@ pub fn replay(
 }
 
 /// Does every step that is due before `now_ns`, each at its own time.
-fn step_before(engine: &mut Engine, now_ns: u64, sink: &mut impl RecordSink) {
+pub(super) fn step_before(engine: &mut Engine, now_ns: u64, sink: &mut impl RecordSink) {
     while let Some(due_ns) = engine.next_due_ns().filter(|&due| due < now_ns) {
         engine.step_due(due_ns, || 0, sink);
     }

@@ -50,15 +50,6 @@ impl ChangeLog {
     }
 }
 
-/// The names of the faults in a set.
-pub fn fault_names(faults: &[String], set: u64) -> impl Iterator<Item = &str> {
-    faults
-        .iter()
-        .enumerate()
-        .filter(move |(bit, _)| set >> bit & 1 == 1)
-        .map(|(_, name)| name.as_str())
-}
-
 fn changes<'a>(
     names: &'a [&'static str],
     before: &'a [u64],

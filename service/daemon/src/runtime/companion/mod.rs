@@ -35,7 +35,7 @@ mod records;
 mod task;
 
 pub use control::{Control, Identity};
-pub use log::{LogNames, fault_names};
+pub use log::LogNames;
 pub use task::{Due, StepThread, Task, Work};
 
 /// How long the thread sleeps without an alarm: recorders see a record, and requests are seen, at most this

@@ -1,0 +1,164 @@
+//! `residual export csv`.
+
+use std::fs::File;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::Args;
+use csv::Writer;
+use residual_client::InstanceName;
+use residual_recording::recorder::{self, Received, Stream};
+use residual_recording::{Event, Header, Reader, RecordMessage, columns};
+
+use crate::error::Error;
+use crate::instances;
+use crate::plot::refuse_unknown;
+use crate::record::LOST;
+use crate::until::{self, seconds};
+
+/// What stands for a running daemon in the place of a recording.
+const LIVE: &str = "live";
+
+/// What to export.
+#[derive(Debug, Args)]
+pub struct CsvArguments {
+    /// The recording, or the word `live` for a running daemon.
+    #[arg(value_name = "FILE.mcap|live")]
+    source: PathBuf,
+    /// Exports the records of this diagnoser only; may be given several times.
+    #[arg(long = "diagnoser", value_name = "NAME")]
+    diagnosers: Vec<String>,
+    /// The file; of several diagnosers each gets its own, FILE.DIAGNOSER.csv. Default: standard output, for a single
+    /// diagnoser.
+    #[arg(long, short, value_name = "FILE.csv")]
+    output: Option<PathBuf>,
+    /// With `live`: name of the instance; may be left out if there is only one.
+    #[arg(long, value_name = "NAME")]
+    instance: Option<InstanceName>,
+    /// With `live`: ends after so many seconds; default: on SIGINT (Ctrl-C), SIGTERM or SIGHUP, or with the daemon.
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    duration: Option<Duration>,
+}
+
+/// Exports; gives the exit code.
+pub fn run(arguments: &CsvArguments, runtime_directory: &Path) -> Result<u8, Error> {
+    if arguments.source.as_os_str() == LIVE {
+        return live(arguments, runtime_directory);
+    }
+    let mut reader = Reader::open(&arguments.source)?;
+    let mut lines = Lines::begin(arguments, reader.header())?;
+    while let Some(event) = reader.next_event()? {
+        if let Event::Record(message) = event {
+            lines.write(&message)?;
+        }
+    }
+    lines.flush()?;
+    Ok(0)
+}
+
+fn live(arguments: &CsvArguments, runtime_directory: &Path) -> Result<u8, Error> {
+    let stop = until::stop_flag().map_err(Error::Signals)?;
+    let instance = instances::choose(arguments.instance.as_ref(), runtime_directory)?;
+    let mut stream = Stream::open(&instance, false)?;
+    let mut lines = Lines::begin(arguments, stream.header())?;
+    let mut failed = None;
+    recorder::look(&mut stream, arguments.duration, &stop, |batch| {
+        let records = batch.iter().filter_map(|received| match received {
+            Received::Record { message, .. } => Some(message),
+            _ => None,
+        });
+        let mut records = records;
+        let written = records
+            .try_for_each(|message| lines.write(message))
+            .and_then(|()| lines.flush());
+        failed = written.err();
+        failed.is_none()
+    });
+    if let Some(error) = failed {
+        return Err(error);
+    }
+    match stream.lost_records() {
+        0 => Ok(0),
+        lost => {
+            eprintln!("residual: LOST on the way from the daemon: {lost} records");
+            Ok(LOST)
+        }
+    }
+}
+
+/// One file a diagnoser.
+struct Lines {
+    instance: String,
+    /// By slot: the file, if the diagnoser is exported, and the names of its faults.
+    files: Vec<Option<(Writer<Box<dyn Write>>, Vec<String>)>>,
+}
+
+impl Lines {
+    fn begin(arguments: &CsvArguments, header: &Header) -> Result<Self, Error> {
+        let names: Vec<&str> = header
+            .diagnosers
+            .iter()
+            .map(|diagnoser| diagnoser.name.as_str())
+            .collect();
+        refuse_unknown("diagnoser", &arguments.diagnosers, &names)?;
+        let wanted = |name: &String| arguments.diagnosers.is_empty() || arguments.diagnosers.contains(name);
+        let count = header
+            .diagnosers
+            .iter()
+            .filter(|diagnoser| wanted(&diagnoser.name))
+            .count();
+        let mut files = Vec::new();
+        for diagnoser in &header.diagnosers {
+            if !wanted(&diagnoser.name) {
+                files.push(None);
+                continue;
+            }
+            let into: Box<dyn Write> = match &arguments.output {
+                Some(path) => {
+                    let own = match count {
+                        1 => path.clone(),
+                        _ => path.with_extension(format!("{}.csv", diagnoser.name)),
+                    };
+                    Box::new(File::create(&own).map_err(|source| Error::File { path: own, source })?)
+                }
+                None if count == 1 => Box::new(io::stdout()),
+                None => {
+                    return Err(Error::Selection(format!(
+                        "standard output takes the records of one diagnoser; choose one of {} with --diagnoser, or \
+                         give --output",
+                        names.join(", ")
+                    )));
+                }
+            };
+            let mut file = Writer::from_writer(into);
+            let channels = diagnoser.channels.iter().map(|channel| channel.name.as_str());
+            file.write_record(columns::names(channels))
+                .map_err(output_error)?;
+            files.push(Some((file, diagnoser.faults.clone())));
+        }
+        Ok(Self {
+            instance: header.instance.clone(),
+            files,
+        })
+    }
+
+    fn write(&mut self, message: &RecordMessage) -> Result<(), Error> {
+        let Some(Some((file, faults))) = self.files.get_mut(message.slot) else {
+            return Ok(());
+        };
+        let cells = columns::cells(&self.instance, &message.record, faults);
+        file.write_record(cells).map_err(output_error)
+    }
+
+    fn flush(&mut self) -> Result<(), Error> {
+        for (file, _) in self.files.iter_mut().flatten() {
+            file.flush()?;
+        }
+        Ok(())
+    }
+}
+
+fn output_error(error: csv::Error) -> Error {
+    Error::Output(error.into())
+}

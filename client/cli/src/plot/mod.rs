@@ -1,0 +1,112 @@
+//! `residual plot`: the channels of a recording as pictures.
+
+mod history;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use residual_chart::Chart;
+use residual_recording::Reader;
+
+use crate::error::Error;
+use history::History;
+
+/// What to draw, and where to.
+#[derive(Debug, Args)]
+pub struct PlotArguments {
+    /// The recording.
+    #[arg(value_name = "FILE.mcap")]
+    recording: PathBuf,
+    /// Draws the channels of this diagnoser only; may be given several times.
+    #[arg(long = "diagnoser", value_name = "NAME")]
+    diagnosers: Vec<String>,
+    /// Draws the channels of this name only; may be given several times.
+    #[arg(long = "channel", value_name = "NAME")]
+    channels: Vec<String>,
+    /// A directory for one file a channel, DIAGNOSER.CHANNEL.svg; or, for a single channel, a file that ends with .svg
+    /// or .png. Default: the recording's name with the extension `plots`.
+    #[arg(long, short, value_name = "DIRECTORY|FILE")]
+    output: Option<PathBuf>,
+    /// Draws PNG files instead of SVG files.
+    #[arg(long)]
+    png: bool,
+}
+
+/// Draws; prints the names of the files.
+pub fn run(arguments: &PlotArguments) -> Result<u8, Error> {
+    let mut reader = Reader::open(&arguments.recording)?;
+    check_names(arguments, &reader)?;
+    let histories = History::read(&mut reader, &arguments.diagnosers)?;
+    if reader.is_cut_off() {
+        eprintln!("residual: the recording has no end: its recorder was killed");
+    }
+    let mut charts = Vec::new();
+    for history in &histories {
+        charts.extend(history.charts(&arguments.channels));
+    }
+    let default = || arguments.recording.with_extension("plots");
+    let output = arguments.output.clone().unwrap_or_else(default);
+    let extension = output.extension().and_then(|extension| extension.to_str());
+    match (extension, charts.as_slice()) {
+        (_, []) => Err(Error::Selection(
+            "nothing to draw: no chosen channel was evaluated at two instants".into(),
+        )),
+        (Some("svg" | "png"), [(_, chart)]) => {
+            write(&output, chart, arguments.png || extension == Some("png"))?;
+            Ok(0)
+        }
+        (Some("svg" | "png"), several) => Err(Error::Selection(format!(
+            "{} channels do not fit into one file; choose one with --diagnoser and --channel, or give a directory",
+            several.len()
+        ))),
+        (_, charts) => {
+            fs::create_dir_all(&output).map_err(|source| Error::File {
+                path: output.clone(),
+                source,
+            })?;
+            let extension = if arguments.png { "png" } else { "svg" };
+            for (name, chart) in charts {
+                write(&output.join(format!("{name}.{extension}")), chart, arguments.png)?;
+            }
+            Ok(0)
+        }
+    }
+}
+
+fn write(path: &Path, chart: &Chart, png: bool) -> Result<(), Error> {
+    let bytes = if png {
+        chart.png()?
+    } else {
+        chart.svg()?.into_bytes()
+    };
+    fs::write(path, bytes).map_err(|source| Error::File {
+        path: path.into(),
+        source,
+    })?;
+    println!("{}", path.display());
+    Ok(())
+}
+
+fn check_names(arguments: &PlotArguments, reader: &Reader) -> Result<(), Error> {
+    let diagnosers = &reader.header().diagnosers;
+    let known: Vec<&str> = diagnosers
+        .iter()
+        .map(|diagnoser| diagnoser.name.as_str())
+        .collect();
+    refuse_unknown("diagnoser", &arguments.diagnosers, &known)?;
+    let channels = diagnosers.iter().flat_map(|diagnoser| &diagnoser.channels);
+    let known: Vec<&str> = channels.map(|channel| channel.name.as_str()).collect();
+    refuse_unknown("channel", &arguments.channels, &known)
+}
+
+/// Refuses a name that is not among the known ones.
+pub fn refuse_unknown(kind: &str, names: &[String], known: &[&str]) -> Result<(), Error> {
+    match names.iter().find(|name| !known.contains(&name.as_str())) {
+        Some(name) => Err(Error::Selection(format!(
+            "the recording has no {kind} `{name}`; it has {}",
+            known.join(", ")
+        ))),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,90 @@
+//! `residual record`: everything that a daemon says, in an MCAP file.
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::Args;
+use residual_client::InstanceName;
+use residual_recording::Totals;
+use residual_recording::recorder::{self, Stream};
+use residual_recording::totals::End;
+use time::OffsetDateTime;
+
+use crate::error::Error;
+use crate::instances;
+use crate::until::{self, seconds};
+
+/// Exit code: the recording is whole, but something was lost on the way to it.
+pub const LOST: u8 = 7;
+
+/// What to record.
+#[derive(Debug, Args)]
+pub struct RecordArguments {
+    /// Name of the instance; may be left out if there is only one.
+    #[arg(long, value_name = "NAME")]
+    instance: Option<InstanceName>,
+    /// The file, which must not be there yet; default: INSTANCE-DATE.mcap in this directory.
+    #[arg(long, short, value_name = "FILE.mcap")]
+    output: Option<PathBuf>,
+    /// Records the samples of all inputs as well, so that `residuald replay` can replay the recording. Its records
+    /// come out again to the last bit if the recording began before the first sample.
+    #[arg(long)]
+    samples: bool,
+    /// Ends after so many seconds; default: on SIGINT (Ctrl-C), SIGTERM or SIGHUP, or when the daemon ends.
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    duration: Option<Duration>,
+    /// Records this diagnoser only; may be given several times.
+    #[arg(long = "diagnoser", value_name = "NAME")]
+    diagnosers: Vec<String>,
+    /// Names the daemon's configuration file in the recording.
+    #[arg(long, value_name = "FILE.toml")]
+    configuration: Option<PathBuf>,
+}
+
+/// Records until told to end; gives the exit code.
+pub fn run(arguments: &RecordArguments, runtime_directory: &Path) -> Result<u8, Error> {
+    let stop = until::stop_flag().map_err(Error::Signals)?;
+    let instance = instances::choose(arguments.instance.as_ref(), runtime_directory)?;
+    let mut stream = Stream::open(&instance, arguments.samples)?;
+    let slots = stream.slots(&arguments.diagnosers)?;
+    if let Some(path) = &arguments.configuration {
+        stream.set_configuration(&std::path::absolute(path)?);
+    }
+    let path = arguments
+        .output
+        .clone()
+        .unwrap_or_else(|| default_name(&instance.name).into());
+    eprintln!("recording to {}", path.display());
+    let totals = recorder::record(stream, &path, &slots, arguments.duration, &stop)?;
+    report(&totals, &mut io::stdout().lock())?;
+    Ok(if totals.is_complete() { 0 } else { LOST })
+}
+
+fn report(totals: &Totals, out: &mut impl io::Write) -> io::Result<()> {
+    for (topic, totals) in &totals.topics {
+        write!(out, "{topic}: {} messages", totals.messages)?;
+        match totals.missing {
+            0 => writeln!(out)?,
+            missing => writeln!(out, ", {missing} missing")?,
+        }
+    }
+    if totals.end == Some(End::DaemonEnded) {
+        writeln!(out, "the daemon has ended, or has loaded another configuration")?;
+    }
+    match (totals.lost_records, totals.lost_samples, totals.lost_alarms) {
+        (0, 0, 0) => writeln!(out, "nothing was lost on the way from the daemon"),
+        (records, samples, alarms) => writeln!(
+            out,
+            "LOST on the way from the daemon: {records} records, {samples} samples, {alarms} alarm transitions"
+        ),
+    }
+}
+
+fn default_name(instance: &InstanceName) -> String {
+    let now = OffsetDateTime::now_utc();
+    let (year, month, day) = now.to_calendar_date();
+    let (hour, minute, second) = now.to_hms();
+    let month = u8::from(month);
+    format!("{instance}-{year:04}{month:02}{day:02}T{hour:02}{minute:02}{second:02}Z.mcap")
+}
