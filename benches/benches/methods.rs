@@ -7,6 +7,7 @@
 )]
 
 use hdrhistogram::Histogram;
+use residual_shared::alarm::AlarmTransition;
 use residual_shared::clock::monotonic_ns;
 use residual_shared::record::StepRecord;
 use residual_shared::sample::SampleHeader;
@@ -30,6 +31,10 @@ impl RecordSink for Discard {
     fn publish(&mut self, _slot: usize, record: &StepRecord) -> bool {
         black_box(record);
         true
+    }
+
+    fn alarm(&mut self, transition: &AlarmTransition) {
+        black_box(transition);
     }
 }
 

@@ -7,6 +7,10 @@
 //!      └──────────────────────┴──── violation over ──────┴─────────────────────────────────────────┘
 //! ```
 //!
+//! From cleared it goes to raised, and further to isolated, at once where one violation is enough. A change of the
+//! known components is a transition from isolated to isolated, and an acknowledgement that does not clear the alarm
+//! one to the state that it has, with the flag [`alarm_flags::ACKNOWLEDGED`].
+//!
 //! A diagnoser has one alarm. The daemon writes each change of it as a transition into the alarm ring of the
 //! bounds table ([`crate::bounds_table`]).
 //!

@@ -113,6 +113,11 @@ impl Instance {
         format!("residuald/{}/control/v1", self.name)
     }
 
+    /// iceoryx2 event service that wakes at every alarm; the last part is the version of its event ids.
+    pub fn alarm_service(&self) -> String {
+        format!("residuald/{}/alarms/v1", self.name)
+    }
+
     fn path(&self, extension: &str) -> PathBuf {
         self.runtime_directory
             .join(format!("residuald.{}.{extension}", self.name))

@@ -7,8 +7,8 @@ use std::time::Duration;
 use clap::{Args, Subcommand};
 use comfy_table::{Table, presets};
 use residual_client::{
-    AlarmNumber, Alarms, Control, ControlCounters, DiagnoserDescription, InstanceName, Listing, Request,
-    Response, Which,
+    AlarmNumber, Alarms, Changes, Control, ControlCounters, DiagnoserDescription, InstanceName, Listing,
+    Request, Response, Which,
 };
 use serde::Serialize;
 
@@ -161,13 +161,30 @@ fn write_text(output: &mut impl Write, response: &Response) -> io::Result<()> {
             "the state of {} diagnosers is in {} ({} bytes)",
             outcome.diagnosers, outcome.path, outcome.bytes
         ),
-        Response::Reload(outcome) => writeln!(
-            output,
-            "reloaded: {} diagnosers kept, {} replaced, {} added, {} removed",
-            outcome.kept, outcome.replaced, outcome.added, outcome.removed
-        ),
+        Response::Reload(outcome) => {
+            write_changes(output, "diagnosers", &outcome.diagnosers)?;
+            write_changes(output, "inputs", &outcome.inputs)
+        }
         Response::LogLevel { before, now } => writeln!(output, "the log shows `{now}` (before: `{before}`)"),
     }
+}
+
+/// What a reload changed: `diagnosers: 3 unchanged, changed a, added b, removed c`.
+fn write_changes(output: &mut impl Write, what: &str, changes: &Changes) -> io::Result<()> {
+    write!(output, "{what}: {} unchanged", changes.unchanged)?;
+    for (how, names) in [
+        ("changed", &changes.changed),
+        ("added", &changes.added),
+        ("removed", &changes.removed),
+    ] {
+        if !names.is_empty() {
+            write!(output, ", {how} {}", names.join(" "))?;
+        }
+    }
+    if changes.more > 0 {
+        write!(output, ", and {} more", changes.more)?;
+    }
+    writeln!(output)
 }
 
 fn write_listing(output: &mut impl Write, listing: &Listing) -> io::Result<()> {

@@ -130,8 +130,8 @@ pub use residual_shared::bounds_table::{
 pub use residual_shared::clock::{DaemonTime, monotonic_ns};
 #[cfg(feature = "transport")]
 pub use residual_shared::control::{
-    Alarms, ChannelDescription, CheckpointOutcome, ControlCounters, ControlError, Counter, DiagnoserDescription,
-    DiagnoserEntry, Listing, ReloadOutcome, Request, Response, Which,
+    Alarms, Changes, ChannelDescription, CheckpointOutcome, ControlCounters, ControlError, Counter,
+    DiagnoserDescription, DiagnoserEntry, Listing, ReloadOutcome, Request, Response, Which,
 };
 pub use residual_shared::counters::{AlarmStatus, InputCounters, ScheduleCounters};
 pub use residual_shared::names::{

@@ -5,9 +5,10 @@ use residual_shared::bounds_table::{ChannelSpec, InputSpec, SlotSpec, TableSpec}
 use residual_shared::clock::DaemonTime;
 
 use crate::configuration::{Configuration, DiagnoserConfiguration};
-use crate::runtime::companion::LogNames;
-use crate::runtime::engine::{DiagnoserUnit, Engine, InboxOptions};
+use crate::runtime::companion::{Identity, Introduction, LogNames};
+use crate::runtime::engine::{Engine, InboxOptions};
 use crate::runtime::schedule::Timing;
+use crate::runtime::unit::DiagnoserUnit;
 use residual_diagnosis::method::Designed;
 
 /// What each diagnoser says in its records, by slot.
@@ -41,6 +42,8 @@ pub fn assemble(
         .iter()
         .zip(diagnosers)
         .map(|(configured, built)| DiagnoserUnit {
+            rules: configured.lifecycle.rules,
+            enabling: configured.enabling(built.diagnoser.description()),
             diagnoser: built.diagnoser,
             timing: timing(configured, speed),
             measurements: configured.measurements.clone(),
@@ -106,14 +109,24 @@ pub fn table_spec(
     }
 }
 
+/// What the companion has to know.
+pub fn introduction(configuration: &Configuration, diagnosers: &[Designed]) -> Introduction {
+    Introduction {
+        names: log_names(configuration),
+        identity: Identity {
+            program: env!("CARGO_PKG_VERSION").into(),
+            diagnosers: crate::commands::descriptions::descriptions(configuration, diagnosers),
+        },
+    }
+}
+
 /// Names for the log.
-pub fn log_names(configuration: &Configuration, descriptions: &[Description]) -> LogNames {
+fn log_names(configuration: &Configuration) -> LogNames {
     LogNames {
         diagnosers: configuration
             .diagnosers
             .iter()
-            .zip(descriptions)
-            .map(|(configured, description)| (configured.name.clone(), description.faults.clone()))
+            .map(|configured| configured.name.clone())
             .collect(),
         inputs: configuration
             .inputs

@@ -9,6 +9,7 @@ use miette::{IntoDiagnostic, Report};
 
 #[cfg(feature = "synthesis")]
 use crate::commands::identify;
+use crate::commands::run::RunOptions;
 use crate::commands::{check, design, explain, replay, run};
 use crate::configuration::Configuration;
 use crate::demo::conductor::DemoArguments;
@@ -37,7 +38,7 @@ pub enum SummaryFormat {
 /// The subcommands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Run the monitor until SIGTERM, SIGINT or SIGHUP; then print what it did.
+    /// Run the monitor until SIGTERM or SIGINT, then print what it did; SIGHUP lets it read the configuration again.
     Run {
         /// The configuration file (TOML); `-` reads it from standard input.
         configuration: PathBuf,
@@ -128,7 +129,12 @@ fn execute_run(path: &std::path::Path, speed: f64, format: SummaryFormat) -> Res
     };
     let (_log, filter) = logging::start(&loaded.configuration.daemon.log).into_diagnostic()?;
     let diagnosers = loaded.build_diagnosers()?;
-    let summary = run::run(&loaded.configuration, diagnosers, speed, filter).into_diagnostic()?;
+    let options = RunOptions {
+        source: (path.as_os_str() != "-").then(|| path.to_owned()),
+        speed,
+        log: filter,
+    };
+    let summary = run::run(loaded.configuration, diagnosers, options).into_diagnostic()?;
     match format {
         SummaryFormat::Text => println!("{summary}"),
         SummaryFormat::Json => println!("{}", serde_json::to_string(&summary).into_diagnostic()?),

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`configuration`] | the configuration file: loading, validation, located mistakes |
 //! | [`assembly`] | from a configuration to the parts of a running monitor |
+//! | [`identities`] | which diagnosers and inputs of two configurations are the same |
 //! | [`runtime`] | the daemon at work: inboxes, schedule, step thread, companion |
 //! | [`replay`] | recordings instead of sensors |
 //! | [`demo`] | publisher, daemon and client of the demonstration |
@@ -17,6 +18,8 @@ pub mod cli;
 pub mod commands;
 pub mod configuration;
 pub mod demo;
+pub mod identities;
+pub mod lifecycle;
 pub mod logging;
 pub mod plot;
 pub mod replay;

@@ -6,8 +6,11 @@ mod support;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use residual_shared::alarm::{AlarmState, AlarmTransition};
+use residual_shared::bounds_table::AlarmRead;
 use residual_shared::clock::{DaemonTime, sleep_until_monotonic};
 use residual_shared::record::{StepRecord, flags};
 use residual_shared::sample::SampleHeader;
@@ -22,8 +25,12 @@ use residuald::demo::scenario::{self, Variation};
 use residuald::runtime::command::{self, Command, Reply};
 use residuald::runtime::companion::Message;
 use residuald::runtime::engine::RecordSink;
+use residuald::runtime::life::Life;
+use residuald::runtime::running::Running;
+use residuald::runtime::snapshot::{Progress, Snapshot};
 use support::publisher::Drivers;
 use support::{PERIOD_NS, Stage};
+use toml::Table;
 
 thread_local! {
     static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
@@ -72,8 +79,11 @@ const TURNS: u64 = 2_400;
 const WARM_UP: u64 = 20;
 /// Measurements after which the aircraft begins anew, healthy: a jump, an episode of alarms, its end.
 const COURSE: u64 = 240;
-/// Turns from one reset by command to the next.
-const COMMAND_EVERY: u64 = 3 * COURSE;
+/// Turns of every second course at which the alarm is acknowledged and the diagnoser is reset: during its fault.
+const ACKNOWLEDGED: u64 = 180;
+const RESET: u64 = 200;
+/// Turns from one snapshot of all states to the next.
+const SAVE_EVERY: u64 = 50;
 /// So that the test takes seconds, the daemon's time runs faster.
 const SPEED: f64 = 8.0;
 
@@ -90,6 +100,8 @@ struct Seen {
     late: u64,
     isolated: u64,
     obeyed: u64,
+    saved: u64,
+    acknowledged: u64,
     refused: u64,
 }
 
@@ -155,28 +167,28 @@ fn send(drivers: &mut Drivers, aircraft: &mut Aircraft, k: u64, stamp_ns: u64) {
 fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_resets_and_commands_allocate_nothing() {
     let mut stage = Stage::new();
     stage.set_diagnoser("margin_s", 0.0);
+    let lifecycle: Table = "raise_steps = 2\nraise_window = 4\nlatch = true\nstartup_suppression_s = 0.1\n\
+        enable = [{signal = 'aircraft_commands.collective_pitch', range = [-1, 1]}]"
+        .parse()
+        .unwrap();
+    stage.set_diagnoser("lifecycle", lifecycle);
     let loaded = Configuration::from_text("test", &stage.configuration.to_string()).unwrap();
     let diagnosers = loaded.build_diagnosers().unwrap();
     let node = transport::open_node(&stage.instance).unwrap();
     let (sender, mut receiver) = rtrb::RingBuffer::new(loaded.configuration.daemon.record_queue);
     let stop = AtomicBool::new(false);
     let (mut commands, inbox) = command::channel();
-    let mut steps = step_loop(
-        &loaded.configuration,
-        diagnosers,
-        SPEED,
-        &node,
-        sender,
-        inbox,
-        &stop,
-    )
-    .unwrap();
+    let ticket = commands.ticket();
+    let running = Arc::new(Running::new(loaded.configuration.clone(), &diagnosers));
+    let life = Life::begin(&loaded.configuration.daemon, SPEED);
+    let mut steps = step_loop(running, diagnosers, &life, &node, sender, inbox, &stop).unwrap();
     let mut drivers = Drivers::open(&stage.instance);
     let spec = stage.table().directory().spec.clone();
     let time: DaemonTime = spec.time;
 
     let mut aircraft = Aircraft::new(1, Disturbance::Sine, 1);
     let mut seen = Seen::default();
+    let mut snapshot = Some(Box::<Snapshot>::default());
     let mut counted = 0;
     for k in 0..TURNS {
         if k % COURSE == 0 {
@@ -185,11 +197,16 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_resets_and_comman
         let instant_ns = spec.schedule_epoch_ns + k * PERIOD_NS;
         sleep_until_monotonic(time.to_monotonic(instant_ns));
         send(&mut drivers, &mut aircraft, k, instant_ns);
-        if k % COMMAND_EVERY == COMMAND_EVERY - 1 {
-            let ticket = commands.ticket();
-            commands.send(ticket, Command::Reset(0));
-            commands.send(ticket, Command::Acknowledge(0));
-            commands.send(ticket, Command::Reset(1));
+        match k % (2 * COURSE) {
+            ACKNOWLEDGED => commands.send(ticket, Command::Acknowledge(0)),
+            RESET => {
+                commands.send(ticket, Command::Reset(0));
+                commands.send(ticket, Command::Reset(1));
+            }
+            _ => {}
+        }
+        if k % SAVE_EVERY == SAVE_EVERY - 1 {
+            commands.send(ticket, Command::Save(snapshot.take().unwrap()));
         }
         let of_this_turn = allocations(|| steps.turn());
         if k >= WARM_UP {
@@ -197,7 +214,19 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_resets_and_comman
         }
         while let Some((_, reply)) = commands.reply() {
             seen.obeyed += u64::from(matches!(reply, Reply::Reset));
+            seen.acknowledged += u64::from(matches!(reply, Reply::Acknowledged(true)));
             seen.refused += u64::from(matches!(reply, Reply::NoSuchSlot));
+            if let Reply::Saved(mut written, progress) = reply {
+                match progress {
+                    Progress::Whole => {
+                        seen.saved += 1;
+                        written.clear();
+                    }
+                    Progress::NoRoom => written.grow(),
+                    Progress::Unfinished => {}
+                }
+                snapshot = Some(written);
+            }
         }
         while let Ok(message) = receiver.pop() {
             if let Message::Record(_, record) = message {
@@ -217,8 +246,26 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_resets_and_comman
         seen.missing > 100 && seen.late > 10 && seen.isolated > 100,
         "{seen:?}"
     );
-    let commanded = TURNS / COMMAND_EVERY;
+    let commanded = TURNS / (2 * COURSE);
     assert_eq!((seen.obeyed, seen.refused), (commanded, commanded), "{seen:?}");
+    assert!(seen.saved >= TURNS / SAVE_EVERY / 3, "{seen:?}");
+    let table = stage.table();
+    let states: Vec<AlarmState> = (1..=table.newest_alarm())
+        .filter_map(|number| match table.read_alarm(number) {
+            AlarmRead::Transition(transition) => Some(transition.state),
+            _ => None,
+        })
+        .collect();
+    for state in [
+        AlarmState::Cleared,
+        AlarmState::Pending,
+        AlarmState::Raised,
+        AlarmState::Isolated,
+    ] {
+        let count = states.iter().filter(|seen| **seen == state).count();
+        assert!(count >= 3, "{state:?}: {states:?}");
+    }
+    assert!(seen.acknowledged >= 2, "{seen:?}");
     let sensors = stage.input_counters(0);
     for (name, value) in [
         ("non_finite", sensors.non_finite),
@@ -232,13 +279,17 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_resets_and_comman
     }
 }
 
-/// Counts alarms by slot.
-struct Alarms(Vec<u64>);
+/// Counts alarms and their transitions by slot.
+struct Alarms(Vec<u64>, Vec<u64>);
 
 impl RecordSink for Alarms {
     fn publish(&mut self, slot: usize, record: &StepRecord) -> bool {
         self.0[slot] += u64::from(record.flags & flags::ALARM_NOW != 0);
         true
+    }
+
+    fn alarm(&mut self, transition: &AlarmTransition) {
+        self.1[transition.slot as usize] += 1;
     }
 }
 
@@ -260,7 +311,8 @@ fn all_methods_together_step_through_losses_bad_samples_and_faults_without_alloc
         .flat_map(|scenario| (scenario.plants)(&variation));
     let emissions: Vec<_> = Merged::new(plants.collect()).collect();
     let mut engine = assemble(configuration, diagnosers, EPOCH_NS, 1.0);
-    let mut alarms = Alarms(vec![0; configuration.diagnosers.len()]);
+    let count = configuration.diagnosers.len();
+    let mut alarms = Alarms(vec![0; count], vec![0; count]);
     let mut sequences = vec![0; configuration.inputs.len()];
     let mut counted = 0;
     for (number, emission) in emissions.iter().enumerate() {
@@ -298,6 +350,11 @@ fn all_methods_together_step_through_losses_bad_samples_and_faults_without_alloc
     println!("{} samples, alarms {:?}", emissions.len(), alarms.0);
     assert_eq!(counted, 0);
     assert!(alarms.0.iter().all(|alarms| *alarms > 5), "{:?}", alarms.0);
+    assert!(
+        alarms.1.iter().all(|transitions| *transitions > 0),
+        "{:?}",
+        alarms.1
+    );
     let rejected: u64 = engine
         .input_counters()
         .map(|counters| counters.non_finite + counters.backward)

@@ -9,7 +9,7 @@ use std::fs::{self, OpenOptions, Permissions};
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::os::unix::process::CommandExt;
 
-use residual_client::{Monitor, StepRecord};
+use residual_client::{Control, Monitor, StepRecord};
 use support::daemon::Daemon;
 use support::helper::{Helper, instance};
 use support::{DIAGNOSER, Stage, is_root};
@@ -33,6 +33,10 @@ fn client_process() {
     }
     let writable = OpenOptions::new().write(true).open(instance.bounds_path());
     println!("writable {}", writable.is_ok());
+    match Control::connect(&instance) {
+        Ok(_) => println!("controls"),
+        Err(error) => println!("no control: {error}"),
+    }
 }
 
 /// What a client of another user and group finds.
@@ -41,7 +45,7 @@ fn as_stranger(stage: &Stage, group: u32) -> String {
     command.uid(USER).gid(group);
     let lines = Helper::start_command(stage, "client_process", &mut command).finish();
     let said = |line: &&String| {
-        ["read ", "refused ", "writable "]
+        ["read ", "refused ", "writable ", "control"]
             .iter()
             .any(|word| line.contains(word))
     };
@@ -78,6 +82,23 @@ fn the_configured_group_reads_and_nobody_else_does() {
     );
     assert!(outsider.contains("writable false"), "{outsider}");
     daemon.stop();
+}
+
+#[test]
+fn only_the_daemons_own_user_controls_it_and_others_are_told_why() {
+    if !is_root() {
+        return;
+    }
+    let mut stage = open_stage();
+    stage.set("daemon", "group", i64::from(GROUP));
+    let daemon = Daemon::start(&stage);
+    for group in [GROUP, OTHER_GROUP] {
+        let said = as_stranger(&stage, group);
+        assert!(said.contains("no control: "), "{said}");
+        assert!(said.contains("is another user running it?"), "{said}");
+    }
+    Control::connect(&stage.instance).unwrap().list().unwrap();
+    assert_eq!(daemon.stop().control.answered, 1);
 }
 
 #[test]

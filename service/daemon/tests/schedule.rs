@@ -7,10 +7,13 @@ use proptest::prelude::*;
 use residual_diagnosis::diagnoser::{
     Description, Diagnoser, RestoreError, StepInput, StepRecord, Verdict, flags,
 };
+use residual_shared::alarm::AlarmTransition;
 use residual_shared::sample::SampleHeader;
 use residuald::configuration::SignalReference;
-use residuald::runtime::engine::{DiagnoserUnit, Engine, InboxOptions, RecordSink};
+use residuald::lifecycle::{Enabling, Rules};
+use residuald::runtime::engine::{Engine, InboxOptions, RecordSink};
 use residuald::runtime::schedule::Timing;
+use residuald::runtime::unit::DiagnoserUnit;
 
 const EPOCH_NS: u64 = 1_000_000_000_000;
 const MILLISECOND: u64 = 1_000_000;
@@ -53,6 +56,10 @@ impl Diagnoser for Listener {
 
     fn save(&self, _state: &mut Vec<u8>) {}
 
+    fn state_size(&self) -> usize {
+        0
+    }
+
     fn restore(&mut self, _state: &[u8]) -> Result<(), RestoreError> {
         Ok(())
     }
@@ -69,6 +76,8 @@ impl RecordSink for Records {
         self.list.push((self.now_ns, slot, *record));
         true
     }
+
+    fn alarm(&mut self, _transition: &AlarmTransition) {}
 }
 
 /// An engine of listeners in simulated time, with one input of one signal that all of them measure.
@@ -97,6 +106,8 @@ impl Bench {
             measurements: vec![SignalReference { input: 0, element: 0 }],
             commands: vec![],
             command_delay_steps: 0,
+            rules: Rules::default(),
+            enabling: Enabling::default(),
         };
         let input = InboxOptions {
             signal_count: 1,

@@ -102,8 +102,11 @@ pub trait Diagnoser: Send {
     fn boxed_clone(&self) -> Box<dyn Diagnoser>;
 
     /// Appends the whole state to `state`; restored into a diagnoser of the same configuration it goes on exactly
-    /// as this one. Not for the real-time path: it allocates.
+    /// as this one. Allocates only if `state` has no room for [`Diagnoser::state_size`] more bytes.
     fn save(&self, state: &mut Vec<u8>);
+
+    /// How many bytes [`Diagnoser::save`] would append now.
+    fn state_size(&self) -> usize;
 
     /// Takes over a saved state.
     ///

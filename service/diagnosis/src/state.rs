@@ -9,6 +9,7 @@
 //! The fingerprint keeps a state from being restored into a diagnoser with another model or other options.
 
 use bincode::config::{Configuration, Fixint, Limit, LittleEndian};
+use bincode::enc::write::SizeWriter;
 use serde::{Serialize, de::DeserializeOwned};
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -62,10 +63,10 @@ pub enum RestoreError {
 }
 
 #[derive(Serialize, serde::Deserialize)]
-struct Head {
+struct Head<Text> {
     magic: [u8; 8],
     format: u16,
-    method: String,
+    method: Text,
     version: u16,
     fingerprint: u64,
 }
@@ -78,6 +79,14 @@ const fn encoding() -> Configuration<LittleEndian, Fixint, Limit<BODY_LIMIT>> {
 fn append(value: &impl Serialize, bytes: &mut Vec<u8>) {
     let written = bincode::serde::encode_into_std_write(value, bytes, encoding());
     debug_assert!(written.is_ok(), "{written:?}");
+}
+
+/// Bytes that [`append`] needs for a value.
+fn size(value: &impl Serialize) -> usize {
+    let mut counter = SizeWriter::default();
+    let counted = bincode::serde::encode_into_writer(value, &mut counter, encoding());
+    debug_assert!(counted.is_ok(), "{counted:?}");
+    counter.bytes_written
 }
 
 impl StateFormat {
@@ -99,17 +108,25 @@ impl StateFormat {
         self.fingerprint = xxh3_64(&bytes);
     }
 
-    /// Appends a state.
-    pub fn encode(&self, state: &impl Serialize, bytes: &mut Vec<u8>) {
-        let begin = bytes.len();
-        let head = Head {
+    fn head(&self) -> Head<&'static str> {
+        Head {
             magic: MAGIC,
             format: FORMAT,
-            method: self.method.to_owned(),
+            method: self.method,
             version: self.version,
             fingerprint: self.fingerprint,
-        };
-        append(&head, bytes);
+        }
+    }
+
+    /// How many bytes [`Self::encode`] appends for a state.
+    pub fn size(&self, state: &impl Serialize) -> usize {
+        size(&self.head()) + size(state) + TAIL
+    }
+
+    /// Appends a state. Allocates only if `bytes` has no room for it.
+    pub fn encode(&self, state: &impl Serialize, bytes: &mut Vec<u8>) {
+        let begin = bytes.len();
+        append(&self.head(), bytes);
         append(state, bytes);
         let checksum = xxh3_64(&bytes[begin..]);
         append(&checksum, bytes);
@@ -130,7 +147,7 @@ impl StateFormat {
             return Err(RestoreError::Damaged);
         }
         let damaged = |_| RestoreError::Damaged;
-        let (head, read): (Head, usize) =
+        let (head, read): (Head<String>, usize) =
             bincode::serde::decode_from_slice(content, encoding()).map_err(damaged)?;
         self.check(&head)?;
         let body = content.get(read..).ok_or(RestoreError::Damaged)?;
@@ -142,7 +159,7 @@ impl StateFormat {
         }
     }
 
-    fn check(&self, head: &Head) -> Result<(), RestoreError> {
+    fn check(&self, head: &Head<String>) -> Result<(), RestoreError> {
         let unknown = |what, found, supported| RestoreError::UnknownVersion {
             what,
             found,
@@ -190,6 +207,7 @@ mod tests {
         let read: State = format(1, 0).decode(&bytes).unwrap();
         let bits = |state: &State| state.0.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
         assert_eq!((bits(&read), read.1), (bits(&state), state.1));
+        assert_eq!(format(1, 0).size(&state), bytes.len());
     }
 
     #[test]

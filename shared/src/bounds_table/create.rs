@@ -152,8 +152,8 @@ impl PreparedTable {
         }
     }
 
-    /// Makes it the table that clients find: takes over the transitions of the old one's alarm ring, replaces it,
-    /// and marks it closed.
+    /// Makes it the table that clients find: takes over the transitions of the old one's alarm ring and the status
+    /// of its alarms, replaces it, and marks it closed.
     ///
     /// # Errors
     /// [`CreateError::Io`]. The older table then stays as it was, unless it was the marking that failed.
@@ -165,6 +165,12 @@ impl PreparedTable {
                 .map_err(failed("read the alarms of the bounds table at", &self.path))?;
             let futex = self.mapping.futex(self.image.alarms.wake());
             futex.store(newest as u32, Ordering::Relaxed);
+            for (place, status) in self.image.slots.iter().zip(old.alarm_status(&self.spec)) {
+                let status = status.unwrap_or_default().to_words();
+                for (word, value) in words[place.alarm..].iter().zip(status) {
+                    WriteWord::store(word, value);
+                }
+            }
         }
         WriteWord::store(&words[header::HEARTBEAT], monotonic_ns());
         fs::rename(&self.temporary.path, &self.path)
@@ -258,7 +264,7 @@ fn remove_stale(path: &Path) {
 }
 
 /// The id of this boot of the machine; 0 when the system does not tell.
-pub(super) fn boot_id() -> u128 {
+pub fn boot_id() -> u128 {
     let text = fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
     u128::from_str_radix(&text.trim().replace('-', ""), 16).unwrap_or(0)
 }

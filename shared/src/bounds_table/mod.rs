@@ -78,7 +78,7 @@ mod ring_model;
 mod spec;
 mod writer;
 
-pub use create::{Access, CreateError, PreparedTable};
+pub use create::{Access, CreateError, PreparedTable, boot_id};
 pub use liveness::{HEARTBEAT_PERIOD_NS, HUNG_AFTER_NS, Liveness};
 pub use open::OpenError;
 pub use reader::{AlarmRead, ReadError, ReadOutcome, TableReader};

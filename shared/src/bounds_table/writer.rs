@@ -59,10 +59,20 @@ impl TableWriter {
         self.epoch
     }
 
+    /// [`SlotSpec::identity`] of the slot with the index `slot`.
+    pub fn identity(&self, slot: usize) -> Option<u64> {
+        self.identities.get(slot).copied()
+    }
+
+    /// The slot with this [`SlotSpec::identity`].
+    pub fn slot_with_identity(&self, identity: u64) -> Option<usize> {
+        self.identities.iter().position(|other| *other == identity)
+    }
+
     /// Writes a transition of the alarm of the diagnoser in `transition.slot`, wakes everybody who waits for one
     /// (one system call), and gives the transition's number.
     ///
-    /// `number`, `identity` and `written_ns` of `transition` are replaced.
+    /// `number` and `written_ns` of `transition` are replaced, and `identity` by that of its slot, if it has one.
     pub fn raise(&mut self, transition: &AlarmTransition) -> AlarmNumber {
         let slot = transition.slot as usize;
         let words = self.mapping.words();
@@ -75,7 +85,7 @@ impl TableWriter {
                     epoch: self.epoch,
                     number: 0,
                 },
-                identity: self.identities.get(slot).copied().unwrap_or_default(),
+                identity: self.identity(slot).unwrap_or(transition.identity),
                 written_ns: monotonic_ns(),
                 ..*transition
             }));

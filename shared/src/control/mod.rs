@@ -22,8 +22,8 @@ pub use encoding::{
 };
 pub use error::ControlError;
 pub use response::{
-    ChannelDescription, CheckpointOutcome, ControlCounters, Counter, DiagnoserDescription, DiagnoserEntry,
-    LIST_PAGE, Listing, ReloadOutcome, Response,
+    Changes, ChannelDescription, CheckpointOutcome, ControlCounters, Counter, DiagnoserDescription,
+    DiagnoserEntry, LIST_PAGE, Listing, ReloadOutcome, Response,
 };
 
 /// What a client asks of the daemon.

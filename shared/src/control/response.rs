@@ -154,15 +154,31 @@ pub struct CheckpointOutcome {
     pub bytes: u64,
 }
 
-/// What became of the diagnosers in a reload.
+/// What a reload changed.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ReloadOutcome {
-    /// Unchanged: they went on with their state.
-    pub kept: u32,
-    /// Changed: they began anew.
-    pub replaced: u32,
-    /// New.
-    pub added: u32,
-    /// Gone.
-    pub removed: u32,
+    /// Diagnosers: unchanged ones went on with their state, changed ones began anew.
+    pub diagnosers: Changes,
+    /// Inputs.
+    pub inputs: Changes,
+}
+
+/// What became of the diagnosers, or of the inputs.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Changes {
+    /// How many are as they were.
+    pub unchanged: u32,
+    /// Names of those that are there as before, but otherwise; the first [`Changes::NAMES`] of them.
+    pub changed: Vec<String>,
+    /// Names of the new ones, likewise.
+    pub added: Vec<String>,
+    /// Names of those that are gone, likewise.
+    pub removed: Vec<String>,
+    /// How many more names there are.
+    pub more: u32,
+}
+
+impl Changes {
+    /// Most names in each list, so that the answer fits.
+    pub const NAMES: usize = 100;
 }

@@ -1,4 +1,5 @@
-//! The iceoryx2 services of an instance: samples in, step records out, control requests and answers.
+//! The iceoryx2 services of an instance: samples in, step records and the news of alarms out, control requests and
+//! answers.
 //!
 //! The daemon creates every service, so its limits hold; publishers and recorders only open. Everyone who may
 //! write into this memory is one trust domain (same user); readers outside it use the
@@ -21,11 +22,13 @@ use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
 
 use crate::names::Instance;
 
+mod alarm_events;
 mod control;
 mod records;
 mod room;
 mod samples;
 
+pub use alarm_events::{AlarmEvents, AlarmNotifier};
 pub use control::{Asker, ControlClient, ControlServer, RequestError};
 pub use records::{RecordHeader, RecordPublisher, RecordSubscriber};
 pub use samples::{SamplePublisher, SampleSubscriber, SendError};

@@ -42,7 +42,7 @@ pub(super) fn number(value: f64) -> String {
 }
 
 /// A number with its unit, where it has one.
-fn with_unit(value: f64, unit: &str) -> String {
+pub(super) fn with_unit(value: f64, unit: &str) -> String {
     match unit {
         "" => number(value),
         _ => format!("{} {unit}", number(value)),

@@ -2,6 +2,7 @@
 
 use super::achieved::summary;
 use super::descriptions::signals;
+use super::lifecycle::lifecycle;
 use super::lines::Lines;
 use crate::configuration::{
     Configuration, DaemonSection, DiagnoserConfiguration, InputConfiguration, RealtimeSection,
@@ -155,6 +156,7 @@ fn diagnoser(
         lines.entry(name, value);
     }
     achieved(lines, &built.achieved);
+    lifecycle(lines, diagnoser, &built.achieved, inputs);
     let channels: Vec<_> = description
         .channels
         .iter()
@@ -201,7 +203,7 @@ fn system_warnings(configuration: &Configuration) -> Vec<String> {
 }
 
 /// Nanoseconds in the largest unit that leaves a number of at least 1.
-fn duration(nanoseconds: u64) -> String {
+pub(super) fn duration(nanoseconds: u64) -> String {
     let value = nanoseconds as f64;
     match nanoseconds {
         0 => "0 s".to_owned(),

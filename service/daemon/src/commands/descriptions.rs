@@ -7,7 +7,7 @@ use super::achieved::summary;
 use crate::configuration::{Configuration, DiagnoserConfiguration, InputConfiguration, SignalReference};
 
 /// All that stays constant over the life of each diagnoser, by slot.
-pub(super) fn descriptions(
+pub(crate) fn descriptions(
     configuration: &Configuration,
     diagnosers: &[Designed],
 ) -> Vec<DiagnoserDescription> {

@@ -2,11 +2,12 @@
 
 mod achieved;
 pub mod check;
-mod descriptions;
+pub(crate) mod descriptions;
 pub mod design;
 pub mod explain;
 #[cfg(feature = "synthesis")]
 pub mod identify;
+mod lifecycle;
 mod lines;
 pub mod replay;
 mod replay_recorded;

@@ -10,6 +10,7 @@ use residual_diagnosis::diagnoser::Description;
 
 use super::replay_recorded;
 use crate::configuration::{Configuration, ConfigurationError, Loaded};
+use crate::replay::alarms::AlarmWriter;
 use crate::replay::detection_table::TableFormat;
 use crate::replay::detections::Detections;
 use crate::replay::injection::{Fault, FaultError};
@@ -17,7 +18,7 @@ use crate::replay::loss::{Loss, LossError};
 use crate::replay::mapping::{Mapping, MappingError, TimedSample};
 use crate::replay::recorded::{RecordedError, is_mcap};
 use crate::replay::recording::{ColumnRoles, Recording, RecordingError};
-use crate::replay::records::{RecordWriter, ReplayRecord, WriteError};
+use crate::replay::records::{RecordWriter, Replayed, WriteError};
 use crate::replay::report::Report;
 use crate::replay::run::Run;
 use crate::replay::selection::RunSelection;
@@ -51,6 +52,9 @@ pub struct ReplayArguments {
     /// Write every record to this CSV file (one file per diagnoser when there are several).
     #[arg(long)]
     pub records: Option<PathBuf>,
+    /// Write every transition of an alarm to this CSV file.
+    #[arg(long)]
+    pub alarms: Option<PathBuf>,
     /// Leave out the line of each run; print the totals only.
     #[arg(long)]
     pub totals: bool,
@@ -204,8 +208,8 @@ impl Replay {
         samples
     }
 
-    /// Replays one run in this process; `take` gets every record.
-    pub fn simulate(&self, run: &Run, take: impl FnMut(ReplayRecord)) -> Result<(), ReplayError> {
+    /// Replays one run in this process; `take` gets every record and alarm.
+    pub fn simulate(&self, run: &Run, take: impl FnMut(Replayed)) -> Result<(), ReplayError> {
         let diagnosers = self.loaded.build_diagnosers()?;
         simulated::replay(&self.loaded.configuration, diagnosers, &self.samples(run), take);
         Ok(())
@@ -242,6 +246,7 @@ pub fn execute(arguments: &ReplayArguments) -> Result<(), ReplayError> {
         .as_deref()
         .map(|path| RecordWriter::create(path, &descriptions))
         .transpose()?;
+    let mut alarms = arguments.alarms.as_deref().map(AlarmWriter::create).transpose()?;
 
     let mut report = Report::new(descriptions);
     let samples = replay.runs().iter().map(|run| run.rows.len() as u64).sum();
@@ -251,10 +256,18 @@ pub fn execute(arguments: &ReplayArguments) -> Result<(), ReplayError> {
         let onsets_ns = [injected_ns, run.labelled_onset_ns];
         report.begin(run, onsets_ns.into_iter().flatten().min());
         let mut failed = None;
-        let take = |replayed: ReplayRecord| {
-            report.take(run, &replayed);
-            if let (Some(writer), None) = (&mut writer, &failed) {
-                failed = writer.write(&run.name, &replayed).err();
+        let take = |replayed: Replayed| match replayed {
+            Replayed::Record(record) => {
+                report.take(run, &record);
+                if let (Some(writer), None) = (&mut writer, &failed) {
+                    failed = writer.write(&run.name, &record).err();
+                }
+            }
+            Replayed::Alarm(transition) => {
+                report.take_alarm(run, &transition);
+                if let (Some(alarms), None) = (&mut alarms, &failed) {
+                    failed = alarms.write(&run.name, report.diagnosers(), &transition).err();
+                }
             }
         };
         if arguments.through_daemon {
@@ -284,6 +297,7 @@ pub fn execute(arguments: &ReplayArguments) -> Result<(), ReplayError> {
         None => report.totals(),
     });
     writer.map_or(Ok(()), RecordWriter::finish)?;
+    alarms.map_or(Ok(()), AlarmWriter::finish)?;
     Ok(())
 }
 

@@ -1,33 +1,33 @@
 //! `residuald run`: the daemon.
 
 use std::io;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use residual_shared::bounds_table::{Access, CreateError, TableWriter};
-use residual_shared::clock::{DaemonTime, monotonic_ns};
-use residual_shared::control::ControlError;
+use residual_shared::bounds_table::{Access, CreateError, PreparedTable};
 use residual_shared::names::Instance;
-use residual_shared::transport::{self, Node, SampleSubscriber, TransportError};
+use residual_shared::transport::{self, Node, TransportError};
 use rtrb::Producer;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
 use tracing::{info, warn};
 
-use super::descriptions;
-use crate::assembly::{assemble, descriptions, log_names, table_spec};
+use crate::assembly::{assemble, descriptions, introduction, table_spec};
 use crate::configuration::Configuration;
 use crate::logging::LogFilter;
 use crate::runtime::command::{self, CommandInbox};
-use crate::runtime::companion::{Companion, Control, Identity, Message, Work};
+use crate::runtime::companion::{Companion, Control, Message};
+use crate::runtime::exchange::{Reported, Subscription};
+use crate::runtime::life::Life;
 use crate::runtime::live::{Publication, StepLoop};
 use crate::runtime::lock::{InstanceLock, LockError};
 use crate::runtime::real_time;
+use crate::runtime::resume::resume_alarms;
+use crate::runtime::running::Running;
+use crate::runtime::upkeep::Upkeep;
 use crate::summary::Summary;
 use residual_diagnosis::method::Designed;
-
-/// From start-up to the epoch of the schedule: lets everything settle before the first step.
-const HEAD_START_NS: u64 = 20_000_000;
 
 /// Why the daemon could not run.
 #[derive(Debug, thiserror::Error)]
@@ -49,25 +49,42 @@ pub enum RunError {
     Speed(f64),
 }
 
-/// Runs the daemon until it is told to stop (SIGTERM, SIGINT, SIGHUP); a second signal ends it at once.
+/// How the daemon runs, beside its configuration.
+pub struct RunOptions {
+    /// The configuration file, to be read again at a reload; none if it cannot be.
+    pub source: Option<PathBuf>,
+    /// Seconds of the daemon's time per second of the clock; other than 1 for replays.
+    pub speed: f64,
+    /// The filter of the log, which control requests may change.
+    pub log: LogFilter,
+}
+
+/// What signals ask for.
+struct Signals {
+    /// Stop.
+    stop: Arc<AtomicBool>,
+    /// Read the configuration again.
+    reload: Arc<AtomicBool>,
+}
+
+/// Runs the daemon until it is told to stop (SIGTERM, SIGINT); a second such signal ends it at once. SIGHUP lets it
+/// read its configuration again.
 ///
-/// Control requests may change the filter of the `log`.
-///
-/// With a `speed` other than 1 the daemon's time runs faster or slower than the clock, for replays.
+/// # Errors
+/// [`RunError`].
 pub fn run(
-    configuration: &Configuration,
+    configuration: Configuration,
     diagnosers: Vec<Designed>,
-    speed: f64,
-    log: LogFilter,
+    options: RunOptions,
 ) -> Result<Summary, RunError> {
-    if !(speed > 0.0 && speed.is_finite()) {
-        return Err(RunError::Speed(speed));
+    if !(options.speed > 0.0 && options.speed.is_finite()) {
+        return Err(RunError::Speed(options.speed));
     }
-    let stop = stop_flag().map_err(RunError::Signals)?;
+    let signals = signals().map_err(RunError::Signals)?;
     let instance = configuration.daemon.instance();
     let _lock = InstanceLock::take(&instance)?;
     transport::remove_leftovers(&instance)?;
-    let outcome = monitor(configuration, diagnosers, speed, log, &instance, &stop);
+    let outcome = monitor(configuration, diagnosers, options, &instance, signals);
     let removed = transport::remove_leftovers(&instance);
     let summary = outcome?;
     removed?;
@@ -76,12 +93,11 @@ pub fn run(
 
 /// Everything between taking the instance and giving it back.
 fn monitor(
-    configuration: &Configuration,
+    configuration: Configuration,
     diagnosers: Vec<Designed>,
-    speed: f64,
-    log: LogFilter,
+    options: RunOptions,
     instance: &Instance,
-    stop: &AtomicBool,
+    signals: Signals,
 ) -> Result<Summary, RunError> {
     for (configured, built) in configuration.diagnosers.iter().zip(&diagnosers) {
         for warning in &built.warnings {
@@ -90,105 +106,111 @@ fn monitor(
     }
     let node = transport::open_node(instance)?;
     let (sender, receiver) = rtrb::RingBuffer::new(configuration.daemon.record_queue);
-    let names = log_names(configuration, &descriptions(&diagnosers));
     let (commands, inbox) = command::channel();
+    let introduction = introduction(&configuration, &diagnosers);
+    let running = Arc::new(Running::new(configuration, &diagnosers));
+    let RunOptions { source, speed, log } = options;
+    let upkeep = Upkeep::new(source, log.clone(), Arc::clone(&running), signals.reload);
     let control = Control {
-        identity: Identity {
-            program: env!("CARGO_PKG_VERSION").into(),
-            diagnosers: descriptions::descriptions(configuration, &diagnosers),
-        },
         commands,
         log,
-        work: work(),
+        work: upkeep.work(),
+        due: upkeep.due(),
     };
-    let companion = Companion::start(instance.clone(), names, receiver, control)?;
+    let companion = Companion::start(instance.clone(), introduction, receiver, control)?;
     // After the companion, which shall keep the usual scheduling, and before the epoch: locking memory takes
     // longer than a sampling period.
-    real_time::apply(&configuration.realtime);
-    let step_loop = step_loop(configuration, diagnosers, speed, &node, sender, inbox, stop)?;
+    real_time::apply(&running.configuration.realtime);
+    let life = Life::begin(&running.configuration.daemon, speed);
+    let step_loop = step_loop(
+        Arc::clone(&running),
+        diagnosers,
+        &life,
+        &node,
+        sender,
+        inbox,
+        &signals.stop,
+    )?;
+    upkeep.begin(life.grid);
     info!(
         instance = %instance.name,
         table = %instance.bounds_path().display(),
-        diagnosers = configuration.diagnosers.len(),
+        diagnosers = running.configuration.diagnosers.len(),
         "running"
     );
-    let engine = step_loop.run();
+    let (engine, running) = step_loop.run();
+    // It gives up the tasks that wait for the step thread, before the last checkpoint.
     let control = companion.finish();
+    upkeep.finish(&engine, &running);
     info!("stopped");
-    Ok(Summary::of(configuration, &engine, control))
+    Ok(Summary::of(&running.configuration, &engine, control))
 }
 
-/// The loop of the step thread with its subscribers and its bounds table, ready to run: the first sampling
-/// instant comes 20 ms from now.
+/// The loop of the step thread with its subscribers and its bounds table, ready to run; in a new life the first
+/// sampling instant comes 20 ms from its begin.
 ///
 /// Records and changed counters go into `queue` as well; `commands` are obeyed; `stop` ends the loop.
+///
+/// # Errors
+/// [`RunError`].
 pub fn step_loop<'a>(
-    configuration: &Configuration,
+    running: Arc<Running>,
     diagnosers: Vec<Designed>,
-    speed: f64,
-    node: &Node,
+    life: &Life,
+    node: &'a Node,
     queue: Producer<Message>,
     commands: CommandInbox,
     stop: &'a AtomicBool,
 ) -> Result<StepLoop<'a>, RunError> {
-    let instance = configuration.daemon.instance();
-    let subscribers = configuration
-        .inputs
-        .iter()
-        .map(|input| {
-            SampleSubscriber::create(
-                node,
-                &instance,
-                &input.name,
-                input.buffer_samples,
-                input.max_publishers,
-            )
-        })
+    let configuration = &running.configuration;
+    let subscriptions = (0..configuration.inputs.len())
+        .map(|input| Subscription::create(node, configuration, input))
         .collect::<Result<Vec<_>, _>>()?;
-
-    let time = DaemonTime {
-        origin_ns: monotonic_ns(),
-        speed,
-    };
-    let epoch_ns = time.from_monotonic(time.origin_ns + HEAD_START_NS);
-    let spec = table_spec(configuration, &descriptions(&diagnosers), time, epoch_ns);
-    let engine = assemble(configuration, diagnosers, epoch_ns, speed);
+    let grid = life.grid;
+    let spec = table_spec(
+        configuration,
+        &descriptions(&diagnosers),
+        grid.time,
+        grid.epoch_ns,
+    );
+    let mut engine = assemble(configuration, diagnosers, grid.epoch_ns, grid.time.speed);
+    life.resume(&mut engine, &running);
     let access = Access {
         group: configuration.daemon.group,
         mode: configuration.daemon.mode,
     };
-    let table = TableWriter::create(&instance.bounds_path(), &spec, &access)?;
-    let publication = Publication::new(
-        table,
-        queue,
-        configuration.inputs.len(),
-        configuration.diagnosers.len(),
-    );
+    let path = configuration.daemon.instance().bounds_path();
+    let prepared = PreparedTable::create(&path, &spec, &access)?;
+    let alarms = prepared.alarm_status();
+    let table = prepared.publish()?;
+    resume_alarms(&mut engine, &path, &alarms);
+    for (slot, known) in alarms.iter().enumerate() {
+        if known.is_none()
+            && let Some(alarm) = engine.alarm(slot)
+        {
+            table.publish_alarm_status(slot, &alarm.status());
+        }
+    }
+    let publication = Publication::new(table, queue, Reported::of(&engine));
     Ok(StepLoop {
         engine,
-        subscribers,
+        running,
+        subscriptions,
+        node,
         publication,
         commands,
-        time,
+        time: grid.time,
         stop,
     })
 }
 
-/// What control requests that take long come to.
-fn work() -> Work {
-    Arc::new(|task, _| {
-        Err(ControlError::Unsupported {
-            reason: format!("it was built without {}; stop it and start it again", task.name()),
-        })
-    })
-}
-
-fn stop_flag() -> Result<Arc<AtomicBool>, io::Error> {
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [SIGTERM, SIGINT, SIGHUP] {
+fn signals() -> Result<Signals, io::Error> {
+    let (stop, reload) = (Arc::new(AtomicBool::new(false)), Arc::default());
+    for signal in [SIGTERM, SIGINT] {
         // In this order: the first signal finds the flag unset and sets it, the second one ends the process.
         flag::register_conditional_shutdown(signal, 1, Arc::clone(&stop))?;
         flag::register(signal, Arc::clone(&stop))?;
     }
-    Ok(stop)
+    flag::register(SIGHUP, Arc::clone(&reload))?;
+    Ok(Signals { stop, reload })
 }

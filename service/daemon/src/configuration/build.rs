@@ -1,5 +1,6 @@
 //! From a configuration to its diagnosers, whose gains are found now.
 
+use super::enabling::channels_exist;
 use super::error::ConfigurationError;
 use super::load::Loaded;
 use super::locate::{Document, Mistakes};
@@ -70,6 +71,7 @@ fn design_one(
     progress("checking what they achieve");
     let mut designed = method.with_gains(sample_time_s, &found.gains)?;
     packets_come_from_one_input(diagnoser, &designed)?;
+    channels_exist(diagnoser, &designed)?;
     let entry = Entry {
         name: diagnoser.name.clone(),
         method: method.name().to_owned(),

@@ -1,6 +1,7 @@
 //! Diagnosers on the gains of a file: nothing in it is believed, everything is recomputed.
 
 use super::build::{packets_come_from_one_input, refuse};
+use super::enabling::channels_exist;
 use super::error::{ConfigurationError, Mistake, Source};
 use super::load::Loaded;
 use super::locate::{Document, Mistakes};
@@ -147,6 +148,7 @@ fn construct(file: &GainsFile, diagnoser: &DiagnoserConfiguration) -> Result<Des
         .verify(&designed.achieved, file.tolerance)
         .map_err(rejected)?;
     packets_come_from_one_input(diagnoser, &designed).map_err(refused)?;
+    channels_exist(diagnoser, &designed).map_err(refused)?;
     designed.warnings.extend(entry.warnings.iter().cloned());
     Ok(designed)
 }

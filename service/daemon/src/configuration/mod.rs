@@ -8,12 +8,14 @@
 //! | `validate` | from sections to [`Configuration`] |
 //! | [`load`] | the whole way |
 //! | [`method`], [`build`], [`gains`] | the diagnosis methods, their gains, and the construction of the diagnosers |
+//! | `enabling` | the channels that enable conditions speak of |
 //! | `warnings` | what is accepted but deserves a second look |
 //!
 //! `deploy/config/README.md` documents every key, `deploy/config/vtol.toml` is a complete example.
 
 pub mod build;
 mod deserialise;
+mod enabling;
 pub mod error;
 pub mod gains;
 pub mod load;
@@ -29,6 +31,7 @@ pub use error::{ConfigurationError, Mistake};
 pub use load::Loaded;
 pub use method::MethodConfiguration;
 
+use crate::lifecycle::Rules;
 use residual_shared::names::{Instance, InstanceName};
 use std::path::PathBuf;
 
@@ -70,6 +73,10 @@ pub struct DaemonSection {
     pub alarm_capacity: u32,
     /// File with the gains of all diagnosers; `None`: they are found at the start.
     pub gains_file: Option<PathBuf>,
+    /// File that keeps the states of all diagnosers over a restart; `None`: every start is from nothing.
+    pub checkpoint_file: Option<PathBuf>,
+    /// Time from one checkpoint to the next, nanoseconds; `None`: one at the stop, and when asked for.
+    pub checkpoint_period_ns: Option<u64>,
 }
 
 impl DaemonSection {
@@ -135,8 +142,30 @@ pub struct DiagnoserConfiguration {
     pub commands: Vec<SignalReference>,
     /// A command received at t_k acts from t_{k + delay} on.
     pub command_delay_steps: usize,
+    /// When its alarm is raised and cleared.
+    pub lifecycle: LifecycleConfiguration,
     /// The method with its model and options.
     pub method: MethodConfiguration,
+}
+
+/// `[diagnoser.lifecycle]`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LifecycleConfiguration {
+    /// When the alarm is raised and cleared.
+    pub rules: Rules,
+    /// Which channels count only sometimes.
+    pub enable: Vec<EnableConfiguration>,
+}
+
+/// `[[diagnoser.lifecycle.enable]]`: some channels count only while a signal lies in a range.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EnableConfiguration {
+    /// Names of the channels; `None`: all.
+    pub channels: Option<Vec<String>>,
+    /// The signal.
+    pub signal: SignalReference,
+    /// Its lowest and highest value.
+    pub range: [f64; 2],
 }
 
 impl DiagnoserConfiguration {

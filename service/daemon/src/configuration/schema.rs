@@ -29,6 +29,10 @@ pub(super) struct Daemon {
     pub alarm_capacity: u32,
     #[serde(default)]
     pub gains_file: Option<PathBuf>,
+    #[serde(default)]
+    pub checkpoint_file: Option<PathBuf>,
+    #[serde(default)]
+    pub checkpoint_period_s: Option<f64>,
 }
 
 /// A group by name or by number.
@@ -96,6 +100,31 @@ pub(super) struct Diagnoser {
     pub commands: Vec<String>,
     #[serde(default)]
     pub command_delay_steps: usize,
+    #[serde(default)]
+    pub lifecycle: Lifecycle,
+}
+
+/// `[diagnoser.lifecycle]`: when the diagnoser's alarm is raised and cleared. Absent keys have the defaults of
+/// [`Rules`](crate::lifecycle::Rules).
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Lifecycle {
+    pub raise_steps: Option<u32>,
+    pub raise_window: Option<u32>,
+    pub clear_steps: Option<u32>,
+    pub clear_ratio: Option<f64>,
+    pub latch: bool,
+    pub startup_suppression_s: f64,
+    pub enable: Vec<Enable>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Enable {
+    #[serde(default)]
+    pub channels: Option<Vec<String>>,
+    pub signal: String,
+    pub range: [f64; 2],
 }
 
 /// The diagnosis methods by name.

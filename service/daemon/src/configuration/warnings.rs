@@ -28,10 +28,15 @@ impl Configuration {
     }
 
     fn unused_signals(&self) -> Vec<String> {
-        let references = self
-            .diagnosers
-            .iter()
-            .flat_map(|diagnoser| diagnoser.measurements.iter().chain(&diagnoser.commands));
+        let references = self.diagnosers.iter().flat_map(|diagnoser| {
+            let enabling = diagnoser
+                .lifecycle
+                .enable
+                .iter()
+                .map(|condition| &condition.signal);
+            let own = diagnoser.measurements.iter().chain(&diagnoser.commands);
+            own.chain(enabling)
+        });
         let used: HashSet<&SignalReference> = references.collect();
         let mut warnings = Vec::new();
         for (index, input) in self.inputs.iter().enumerate() {

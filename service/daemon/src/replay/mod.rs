@@ -15,12 +15,14 @@
 //! | [`mapping`] | recording → timed samples of the configured inputs |
 //! | [`records`] | step records to CSV |
 //! | [`recorded`], [`comparison`] | an MCAP recording, and whether its records come out again |
+//! | [`alarms`] | alarm transitions to CSV |
 //! | [`sequences`] | a run as one diagnoser would see it |
 //! | [`outcome`] | what the records of a run say: false alarms, detection, isolation |
 //! | [`report`] | the outcomes in words, run by run and in total |
 //! | [`detections`] | the outcomes as rows and totals |
 //! | [`detection_table`] | these as text, for people and for programs |
 
+pub mod alarms;
 pub mod comparison;
 pub mod detection_table;
 pub mod detections;

@@ -1,5 +1,6 @@
 //! What the records of a run say about its diagnosers.
 
+use residual_shared::alarm::{AlarmState, AlarmTransition, alarm_flags};
 use residual_shared::record::{StepRecord, Verdict, flags};
 
 /// A run and what each diagnoser made of it. Times are nanoseconds of the recording since the start of the run.
@@ -30,9 +31,30 @@ pub struct Outcome {
     pub isolated: Option<(u64, u64)>,
     /// Whether a false alarm has been on without a break until now.
     pub false_alarm_on: bool,
+    /// How often the lifecycle raised its alarm.
+    pub raised: u64,
+    /// How often it cleared a raised alarm.
+    pub cleared: u64,
+    /// When it first raised the alarm at or after the onset; an alarm that has been up since before it is none.
+    pub raised_ns: Option<u64>,
+    /// Whether the alarm is up.
+    pub alarm_up: bool,
 }
 
 impl Outcome {
+    /// Takes the next transition of the alarm, of the instant `at_ns`.
+    pub fn take_alarm(&mut self, transition: &AlarmTransition, at_ns: u64, onset_ns: Option<u64>) {
+        let acknowledged = transition.flags & alarm_flags::ACKNOWLEDGED != 0;
+        if transition.state == AlarmState::Raised && !acknowledged {
+            self.raised += 1;
+            if onset_ns.is_some_and(|onset| at_ns >= onset) && self.raised_ns.is_none() {
+                self.raised_ns = Some(at_ns);
+            }
+        }
+        let was_up = std::mem::replace(&mut self.alarm_up, transition.state.is_active());
+        self.cleared += u64::from(was_up && !self.alarm_up);
+    }
+
     /// Takes the next record, made at `at_ns`; `onset_ns`: when the fault begins, if there is one.
     pub fn take(&mut self, record: &StepRecord, at_ns: u64, onset_ns: Option<u64>) {
         self.steps += 1;

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use residual_diagnosis::diagnoser::Description;
 use residual_recording::columns;
+use residual_shared::alarm::AlarmTransition;
 use residual_shared::record::StepRecord;
 
 /// Why a CSV file cannot be written.
@@ -28,6 +29,16 @@ pub struct ReplayRecord {
     pub slot: usize,
     /// The record, with `step` and `instant_ns` since the start of a CSV recording.
     pub record: StepRecord,
+}
+
+/// What a replay gives, in the order in which it comes into being.
+#[derive(Clone, Copy)]
+#[expect(clippy::large_enum_variant, reason = "each is looked at once and not kept")]
+pub enum Replayed {
+    /// A record.
+    Record(ReplayRecord),
+    /// A transition of an alarm, its step and instant as those of the records.
+    Alarm(AlarmTransition),
 }
 
 /// Writes the records of each diagnoser into a CSV file of its own.

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use residual_diagnosis::diagnoser::Description;
+use residual_shared::alarm::AlarmTransition;
 
 use super::outcome::{Outcome, RunOutcome, median};
 use super::records::ReplayRecord;
@@ -52,6 +53,16 @@ impl Report {
         }
     }
 
+    /// Takes the next transition of an alarm in the run that was begun last.
+    pub fn take_alarm(&mut self, run: &Run, transition: &AlarmTransition) {
+        if let Some(current) = self.runs.last_mut() {
+            let at_ns = run.recorded_at_ns(transition.instant_ns);
+            if let Some(outcome) = current.outcomes.get_mut(transition.slot as usize) {
+                outcome.take_alarm(transition, at_ns, current.onset_ns);
+            }
+        }
+    }
+
     /// The lines about the last run, one a diagnoser.
     pub fn last_run(&self) -> String {
         let mut text = String::new();
@@ -96,6 +107,12 @@ impl Report {
             sum(|outcome| outcome.false_alarms),
             count(&|outcome| outcome.false_alarms > 0),
         )?;
+        writeln!(
+            text,
+            "{name}: alarm raised {} times and cleared {} times",
+            sum(|outcome| outcome.raised),
+            sum(|outcome| outcome.cleared),
+        )?;
         let faulty = outcomes().filter(|(_, onset_ns)| onset_ns.is_some()).count();
         if faulty == 0 {
             return Ok(());
@@ -108,6 +125,15 @@ impl Report {
         writeln!(
             text,
             "{name}: fault detected in {detected} of {faulty} runs, median delay {delay}"
+        )?;
+        let delays: Vec<u64> = outcomes()
+            .filter_map(|(outcome, onset_ns)| Some(outcome.raised_ns? - onset_ns?))
+            .collect();
+        let raised = delays.len();
+        let delay = median(delays).map_or("-".into(), |delay| format!("{:.3} s", seconds(delay)));
+        writeln!(
+            text,
+            "{name}: alarm raised by the fault in {raised} of {faulty} runs, median delay {delay}"
         )?;
         for (bit, fault) in description.faults.iter().enumerate() {
             let isolated = count(&|outcome| outcome.isolated.is_some_and(|(_, set)| set >> bit & 1 == 1));
@@ -135,6 +161,13 @@ fn describe(description: &Description, outcome: &Outcome, onset_ns: Option<u64>)
     if let Some((at, faults)) = outcome.isolated {
         let names: Vec<&str> = fault_names(&description.faults, faults).collect();
         text += &format!(", isolated {} at {:.3} s", names.join("+"), seconds(at));
+    }
+    text += &format!(
+        "; alarm raised {} times, cleared {} times",
+        outcome.raised, outcome.cleared
+    );
+    if let (Some(onset_ns), Some(at)) = (onset_ns, outcome.raised_ns) {
+        text += &format!(", raised {:.3} s after the fault", seconds(at - onset_ns));
     }
     text
 }

@@ -1,10 +1,11 @@
 //! Replay in this process with a simulated clock, as fast as possible.
 
+use residual_shared::alarm::AlarmTransition;
 use residual_shared::record::StepRecord;
 use residual_shared::sample::SampleHeader;
 
 use super::mapping::TimedSample;
-use super::records::ReplayRecord;
+use super::records::{ReplayRecord, Replayed};
 use crate::assembly::assemble;
 use crate::configuration::Configuration;
 use crate::runtime::engine::{Engine, RecordSink};
@@ -16,14 +17,14 @@ const EPOCH_NS: u64 = 1_000_000_000_000;
 /// The publisher that samples of a simulated replay come from.
 const PUBLISHER: u128 = 1;
 
-/// Collects records with step and time counted from the start of the recording.
+/// Collects records and alarms with step and time counted from the start of the recording.
 struct Collector<F> {
     epoch_ns: u64,
     end_ns: u64,
     take: F,
 }
 
-impl<F: FnMut(ReplayRecord)> RecordSink for Collector<F> {
+impl<F: FnMut(Replayed)> RecordSink for Collector<F> {
     fn publish(&mut self, slot: usize, record: &StepRecord) -> bool {
         let since_start_ns = record.instant_ns - self.epoch_ns;
         if since_start_ns <= self.end_ns {
@@ -31,13 +32,23 @@ impl<F: FnMut(ReplayRecord)> RecordSink for Collector<F> {
                 instant_ns: since_start_ns,
                 ..*record
             };
-            (self.take)(ReplayRecord { slot, record });
+            (self.take)(Replayed::Record(ReplayRecord { slot, record }));
         }
         true
     }
+
+    fn alarm(&mut self, transition: &AlarmTransition) {
+        let instant_ns = transition.instant_ns - self.epoch_ns;
+        if instant_ns <= self.end_ns {
+            (self.take)(Replayed::Alarm(AlarmTransition {
+                instant_ns,
+                ..*transition
+            }));
+        }
+    }
 }
 
-/// Replays the samples of one run (in time order) and hands every record to `take`; returns the engine with its
+/// Replays the samples of one run (in time order) and hands every record and alarm to `take`; returns the engine with its
 /// counters.
 ///
 /// Records are given for the sampling instants from the start of the run to its last sample.
@@ -45,7 +56,7 @@ pub fn replay(
     configuration: &Configuration,
     diagnosers: Vec<Designed>,
     samples: &[TimedSample],
-    take: impl FnMut(ReplayRecord),
+    take: impl FnMut(Replayed),
 ) -> Engine {
     let mut engine = assemble(configuration, diagnosers, EPOCH_NS, 1.0);
     let end_ns = samples.last().map_or(0, |sample| sample.time_ns);

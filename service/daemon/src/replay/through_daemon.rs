@@ -5,7 +5,8 @@
 
 use std::collections::HashMap;
 
-use residual_shared::bounds_table::{Directory, OpenError, TableReader};
+use residual_shared::alarm::AlarmTransition;
+use residual_shared::bounds_table::{AlarmRead, Directory, OpenError, TableReader};
 use residual_shared::clock::{DaemonTime, sleep_until_monotonic};
 use residual_shared::names::Instance;
 use residual_shared::record::StepRecord;
@@ -13,7 +14,7 @@ use residual_shared::sample::SampleHeader;
 use residual_shared::transport::{self, RecordSubscriber, SamplePublisher, SendError, TransportError};
 
 use super::mapping::TimedSample;
-use super::records::ReplayRecord;
+use super::records::{ReplayRecord, Replayed};
 use crate::configuration::Configuration;
 
 /// From the decision to start until the first sample: enough to connect all ports.
@@ -64,20 +65,21 @@ pub enum ThroughDaemonError {
     NoCommonPeriod,
 }
 
-/// Sends the samples of one run to the daemon of `instance` and hands the records it makes of them to `take`;
+/// Sends the samples of one run to the daemon of `instance` and hands the records and alarms it makes of them to `take`;
 /// `progress` is told the number of samples sent.
 ///
-/// Returns the number of records that the recorder's buffer lost.
+/// Returns the number of records that the recorder's buffer lost, and of alarms that the ring did.
 pub fn replay(
     configuration: &Configuration,
     instance: &Instance,
     speed: f64,
     samples: &[TimedSample],
-    mut take: impl FnMut(ReplayRecord),
+    mut take: impl FnMut(Replayed),
     mut progress: impl FnMut(u64),
 ) -> Result<u64, ThroughDaemonError> {
-    let directory = TableReader::open(&instance.bounds_path())?.directory().clone();
-    check(configuration, &directory, speed)?;
+    let table = TableReader::open(&instance.bounds_path())?;
+    let directory = table.directory();
+    check(configuration, directory, speed)?;
     let time = directory.spec.time;
 
     let node = transport::open_node(instance)?;
@@ -90,9 +92,9 @@ pub fn replay(
         }
     }
 
-    let start_ns = common_start_ns(configuration, &directory, time)?;
+    let start_ns = common_start_ns(configuration, directory, time)?;
     let end_ns = samples.last().map_or(0, |sample| sample.time_ns);
-    let mut window = RecordWindow::new(&directory, start_ns, end_ns);
+    let mut window = RecordWindow::new(&table, start_ns, end_ns);
     for (sent, sample) in samples.iter().enumerate() {
         let stamp_ns = start_ns + sample.time_ns;
         sleep_until_monotonic(time.to_monotonic(stamp_ns));
@@ -103,7 +105,7 @@ pub fn replay(
             };
             publisher.send_with_header(header, &sample.elements)?;
         }
-        recorder.receive(|header, record| window.take(header, record, &mut take));
+        window.receive(&recorder, &table, &mut take);
         progress(sent as u64 + 1);
     }
     let margin_ns = configuration
@@ -113,22 +115,24 @@ pub fn replay(
         .max()
         .unwrap_or(0);
     sleep_until_monotonic(time.to_monotonic(start_ns + end_ns) + margin_ns + LAST_RECORDS_NS);
-    recorder.receive(|header, record| window.take(header, record, &mut take));
+    window.receive(&recorder, &table, &mut take);
     Ok(window.lost)
 }
 
-/// Picks the records of the replay out of the daemon's stream and counts lost ones.
+/// Picks the records and alarms of the replay out of the daemon's and counts lost ones.
 struct RecordWindow {
     start_ns: u64,
     end_ns: u64,
     /// Number of each diagnoser's sampling instant at the start.
     first_steps: Vec<u64>,
     next_sequence: Option<u64>,
+    next_alarm: u64,
     lost: u64,
 }
 
 impl RecordWindow {
-    fn new(directory: &Directory, start_ns: u64, end_ns: u64) -> Self {
+    fn new(table: &TableReader, start_ns: u64, end_ns: u64) -> Self {
+        let directory = table.directory();
         let epoch_ns = directory.spec.schedule_epoch_ns;
         let first_step = |period_ns: u64| (start_ns - epoch_ns) / period_ns;
         Self {
@@ -141,7 +145,35 @@ impl RecordWindow {
                 .map(|slot| first_step(slot.period_ns))
                 .collect(),
             next_sequence: None,
+            next_alarm: table.newest_alarm() + 1,
             lost: 0,
+        }
+    }
+
+    /// Takes all that has come: records first, so that an alarm follows the record that caused it.
+    fn receive(&mut self, recorder: &RecordSubscriber, table: &TableReader, take: &mut impl FnMut(Replayed)) {
+        recorder.receive(|header, record| self.take(header, record, take));
+        loop {
+            match table.read_alarm(self.next_alarm) {
+                AlarmRead::Waiting => break,
+                AlarmRead::Lost => self.lost += 1,
+                AlarmRead::Transition(transition) => self.take_alarm(&transition, take),
+            }
+            self.next_alarm += 1;
+        }
+    }
+
+    fn take_alarm(&self, transition: &AlarmTransition, take: &mut impl FnMut(Replayed)) {
+        let since_start_ns = transition.instant_ns.checked_sub(self.start_ns);
+        let first = self.first_steps.get(transition.slot as usize);
+        if let (Some(instant_ns), Some(first)) = (since_start_ns, first)
+            && instant_ns <= self.end_ns
+        {
+            take(Replayed::Alarm(AlarmTransition {
+                instant_ns,
+                step: transition.step - first,
+                ..*transition
+            }));
         }
     }
 
@@ -149,7 +181,7 @@ impl RecordWindow {
         &mut self,
         header: transport::RecordHeader,
         record: &StepRecord,
-        take: &mut impl FnMut(ReplayRecord),
+        take: &mut impl FnMut(Replayed),
     ) {
         let expected = self
             .next_sequence
@@ -166,7 +198,7 @@ impl RecordWindow {
                 step: record.step - first,
                 ..*record
             };
-            take(ReplayRecord { slot, record });
+            take(Replayed::Record(ReplayRecord { slot, record }));
         }
     }
 }

@@ -1,6 +1,7 @@
 //! From samples to step inputs: gathers what one diagnoser needs at one sampling instant.
 
 use residual_diagnosis::diagnoser::{PacketHeader, PacketRules, PacketSource, Packets, StepInput};
+use serde::{Deserialize, Serialize};
 
 use super::inbox::Inbox;
 use crate::configuration::SignalReference;
@@ -10,12 +11,22 @@ use crate::configuration::SignalReference;
 pub struct Assembler {
     inputs: Vec<AssembledInput>,
     measurements: Vec<f64>,
-    /// Ring of the last `command_delay_steps + 1` command vectors, newest at `newest`.
-    commands: Vec<Vec<f64>>,
-    newest: usize,
     /// The instant that was gathered last.
     instant_ns: u64,
     packets: PacketStore,
+    state: AssemblerState,
+}
+
+/// Everything that one instant leaves to the next.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AssemblerState {
+    /// Ring of the last `command_delay_steps + 1` command vectors, newest at `newest`.
+    commands: Vec<Vec<f64>>,
+    newest: usize,
+    /// Late samples of each input when it was last handed out.
+    late_seen: Vec<u64>,
+    /// Samples of each packet source's input that had been accepted when it was last gathered.
+    packets_seen: Vec<u64>,
 }
 
 /// The packets of one step, for methods that asked for them.
@@ -32,8 +43,6 @@ struct PacketInput {
     input: usize,
     source: PacketSource,
     elements: Vec<usize>,
-    /// Samples of the input that had been accepted when it was last gathered.
-    seen: u64,
 }
 
 /// Where the elements of one input go.
@@ -44,8 +53,6 @@ struct AssembledInput {
     measurements: Vec<(usize, usize)>,
     /// (element of the sample, place among the commands)
     commands: Vec<(usize, usize)>,
-    /// Late samples of this input when it was last handed out.
-    late_seen: u64,
 }
 
 /// What gathering found beside the values.
@@ -75,7 +82,6 @@ impl Assembler {
                 input: signal.input,
                 measurements: Vec::new(),
                 commands: Vec::new(),
-                late_seen: 0,
             });
             inputs.len() - 1
         };
@@ -89,10 +95,14 @@ impl Assembler {
                 .push((signal.element, index));
         }
         Self {
+            state: AssemblerState {
+                commands: vec![vec![f64::NAN; commands.len()]; command_delay_steps + 1],
+                newest: 0,
+                late_seen: vec![0; inputs.len()],
+                packets_seen: Vec::new(),
+            },
             inputs,
             measurements: vec![f64::NAN; measurements.len()],
-            commands: vec![vec![f64::NAN; commands.len()]; command_delay_steps + 1],
-            newest: 0,
             instant_ns: 0,
             packets: PacketStore::default(),
         }
@@ -116,6 +126,7 @@ impl Assembler {
             rest = others;
         }
         self.packets.add(PacketSource::Commands, commands, inboxes);
+        self.state.packets_seen = vec![0; self.packets.sources.len()];
         self
     }
 
@@ -123,15 +134,16 @@ impl Assembler {
     pub fn gather(&mut self, inboxes: &mut [Inbox], after_ns: u64, until_ns: u64) -> Gathered {
         self.skip();
         self.instant_ns = until_ns;
-        self.packets.gather(inboxes, after_ns, until_ns);
-        let commands = &mut self.commands[self.newest];
+        self.packets
+            .gather(inboxes, after_ns, until_ns, &mut self.state.packets_seen);
+        let commands = &mut self.state.commands[self.state.newest];
         self.measurements.fill(f64::NAN);
         let mut gathered = Gathered::default();
-        for assembled in &mut self.inputs {
+        for (assembled, late_seen) in self.inputs.iter().zip(&mut self.state.late_seen) {
             let inbox = &mut inboxes[assembled.input];
             let late = inbox.counters().late;
-            gathered.late |= late > assembled.late_seen;
-            assembled.late_seen = late;
+            gathered.late |= late > *late_seen;
+            *late_seen = late;
             let Some(elements) = inbox.hand_out(after_ns, until_ns) else {
                 gathered.missing = true;
                 continue;
@@ -150,17 +162,64 @@ impl Assembler {
 
     /// Lets one instant pass without samples, so that delayed commands keep their instants.
     pub fn skip(&mut self) {
-        self.newest = (self.newest + 1) % self.commands.len();
-        self.commands[self.newest].fill(f64::NAN);
+        let AssemblerState { commands, newest, .. } = &mut self.state;
+        *newest = (*newest + 1) % commands.len();
+        commands[*newest].fill(f64::NAN);
+    }
+
+    /// Begins with what arrives from now on: what the inboxes took before is neither late nor a late packet.
+    pub fn begin(&mut self, inboxes: &[Inbox]) {
+        for (assembled, late_seen) in self.inputs.iter().zip(&mut self.state.late_seen) {
+            *late_seen = inboxes[assembled.input].counters().late;
+        }
+        for (source, seen) in self.packets.sources.iter().zip(&mut self.state.packets_seen) {
+            *seen = inboxes[source.input].counters().accepted;
+        }
+    }
+
+    /// Everything that one instant leaves to the next.
+    pub fn state(&self) -> &AssemblerState {
+        &self.state
+    }
+
+    /// Goes on from a state that an assembler of the same signals had; false if it is of another shape, and
+    /// nothing has changed then.
+    ///
+    /// An inbox that began anew in the meantime has no more than its own samples.
+    pub fn restore(&mut self, mut state: AssemblerState, inboxes: &[Inbox]) -> bool {
+        let own = &self.state;
+        let fits = state.newest < own.commands.len()
+            && state.commands.len() == own.commands.len()
+            && state.late_seen.len() == own.late_seen.len()
+            && state.packets_seen.len() == own.packets_seen.len()
+            && (state.commands.iter().zip(&own.commands)).all(|(saved, own)| saved.len() == own.len());
+        if fits {
+            for (assembled, late_seen) in self.inputs.iter().zip(&mut state.late_seen) {
+                *late_seen = inboxes[assembled.input].counters().late.min(*late_seen);
+            }
+            for (source, seen) in self.packets.sources.iter().zip(&mut state.packets_seen) {
+                *seen = inboxes[source.input].counters().accepted.min(*seen);
+            }
+            self.state = state;
+        }
+        fits
+    }
+
+    /// Exchanges the numbers of the inputs with an assembler of the same signals, whose inputs are numbered
+    /// otherwise.
+    pub fn exchange_inputs(&mut self, other: &mut Self) {
+        std::mem::swap(&mut self.inputs, &mut other.inputs);
+        std::mem::swap(&mut self.packets.sources, &mut other.packets.sources);
     }
 
     /// What the step sees: measurements of this instant and the commands that begin to act at it.
     pub fn step_input(&self) -> StepInput<'_> {
-        let oldest = (self.newest + 1) % self.commands.len();
+        let AssemblerState { commands, newest, .. } = &self.state;
+        let oldest = (newest + 1) % commands.len();
         StepInput {
             instant_ns: self.instant_ns,
             measurements: &self.measurements,
-            commands: &self.commands[oldest],
+            commands: &commands[oldest],
             packets: Packets::new(&self.packets.headers, &self.packets.values),
         }
     }
@@ -178,7 +237,6 @@ impl PacketStore {
             input,
             source,
             elements,
-            seen: 0,
         });
         let room = |size: fn(&PacketInput) -> usize| -> usize {
             let sources = self.sources.iter();
@@ -190,12 +248,12 @@ impl PacketStore {
         self.values = Vec::with_capacity(room(|source| source.elements.len()));
     }
 
-    fn gather(&mut self, inboxes: &[Inbox], after_ns: u64, until_ns: u64) {
+    fn gather(&mut self, inboxes: &[Inbox], after_ns: u64, until_ns: u64, seen: &mut [u64]) {
         self.headers.clear();
         self.values.clear();
-        for source in &mut self.sources {
+        for (source, seen) in self.sources.iter().zip(seen) {
             let inbox = &inboxes[source.input];
-            for (header, elements) in inbox.packets(after_ns, until_ns, source.seen) {
+            for (header, elements) in inbox.packets(after_ns, until_ns, *seen) {
                 self.headers.push(PacketHeader {
                     source: source.source,
                     sequence: header.sequence,
@@ -206,7 +264,7 @@ impl PacketStore {
                 self.values
                     .extend(source.elements.iter().map(|&element| elements[element]));
             }
-            source.seen = inbox.counters().accepted;
+            *seen = inbox.counters().accepted;
         }
     }
 }

@@ -5,13 +5,16 @@
 //!                          ◀──(ticket, reply)──── wait-free queue ◀──               sampling instants
 //! ```
 //!
-//! The step thread takes at most [`COMMANDS_PER_TURN`] commands at the begin of a turn. It neither allocates nor
+//! The step thread takes at most [`COMMANDS_PER_TURN`] commands at the end of a turn. It neither allocates nor
 //! drops anything for them: whatever a command brought, or replaced, goes back in its reply. A command is taken
 //! only when there is room for its reply, so no reply is ever lost.
 
 use std::collections::VecDeque;
 
 use rtrb::{Consumer, Producer, RingBuffer};
+
+use super::exchange::{Exchange, ExchangeError};
+use super::snapshot::{Progress, Snapshot};
 
 /// Commands the step thread takes in one turn, so that a flood of them cannot make a step late.
 pub const COMMANDS_PER_TURN: usize = 4;
@@ -25,16 +28,18 @@ const QUEUE: usize = 64;
 pub struct Ticket(u64);
 
 /// What the step thread shall do between two sampling instants.
-#[derive(Debug)]
 pub enum Command {
     /// Return the diagnoser in this slot to the state right after its construction.
     Reset(usize),
     /// Acknowledge the alarm of the diagnoser in this slot.
     Acknowledge(usize),
+    /// Go on with a snapshot of all states.
+    Save(Box<Snapshot>),
+    /// Go on with another configuration.
+    Exchange(Box<Exchange>),
 }
 
 /// What became of a command.
-#[derive(Debug)]
 pub enum Reply {
     /// The diagnoser is reset; its next record says so.
     Reset,
@@ -42,6 +47,10 @@ pub enum Reply {
     Acknowledged(bool),
     /// There is no such slot; nothing was done.
     NoSuchSlot,
+    /// The snapshot, and how far it came.
+    Saved(Box<Snapshot>, Progress),
+    /// The old configuration, or the new one and why it was not taken.
+    Exchanged(Box<Exchange>, Result<(), ExchangeError>),
 }
 
 /// Makes both ends of the way to the step thread and back.
@@ -58,7 +67,6 @@ pub fn channel() -> (CommandSender, CommandInbox) {
 }
 
 /// The companion's end.
-#[derive(Debug)]
 pub struct CommandSender {
     commands: Producer<(Ticket, Command)>,
     /// What the queue had no room for, oldest first.
@@ -98,33 +106,40 @@ impl CommandSender {
 }
 
 /// The step thread's end.
-#[derive(Debug)]
 pub struct CommandInbox {
     commands: Consumer<(Ticket, Command)>,
     replies: Producer<(Ticket, Reply)>,
 }
 
 impl CommandInbox {
-    /// Hands the commands of one turn to `execute`, oldest first, and sends its replies back.
-    ///
-    /// No allocation, no release, no system call but what `execute` does.
-    pub fn take(&mut self, mut execute: impl FnMut(Command) -> Reply) {
-        for _ in 0..COMMANDS_PER_TURN {
-            if self.replies.slots() == 0 {
-                return;
-            }
-            let Ok((ticket, command)) = self.commands.pop() else {
-                return;
-            };
-            // The queue has room, and this is its only producer.
-            let _ = self.replies.push((ticket, execute(command)));
+    /// The next command, if there is one and room for its reply.
+    pub fn next(&mut self) -> Option<(Ticket, Command)> {
+        if self.replies.slots() == 0 {
+            return None;
         }
+        self.commands.pop().ok()
+    }
+
+    /// Sends the reply to the command that was taken last.
+    pub fn reply(&mut self, ticket: Ticket, reply: Reply) {
+        // There was room when the command was taken, and this is the queue's only producer.
+        let _ = self.replies.push((ticket, reply));
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Takes the commands of one turn, as the step thread does.
+    fn take(inbox: &mut CommandInbox, mut execute: impl FnMut(Command) -> Reply) {
+        for _ in 0..COMMANDS_PER_TURN {
+            let Some((ticket, command)) = inbox.next() else {
+                return;
+            };
+            inbox.reply(ticket, execute(command));
+        }
+    }
 
     #[test]
     fn every_command_of_a_flood_is_executed_in_order_a_few_in_each_turn_and_replied_to() {
@@ -139,9 +154,9 @@ mod tests {
         let (mut executed, mut replied) = (Vec::new(), Vec::new());
         while executed.len() < tickets.len() {
             let before = executed.len();
-            inbox.take(|command| {
+            take(&mut inbox, |command| {
                 let Command::Reset(slot) = command else {
-                    panic!("nobody sent {command:?}")
+                    panic!("nobody sent this")
                 };
                 executed.push(slot);
                 Reply::Reset
@@ -162,14 +177,14 @@ mod tests {
         }
         let mut executed = 0;
         for _ in 0..QUEUE {
-            inbox.take(|_| {
+            take(&mut inbox, |_| {
                 executed += 1;
                 Reply::Acknowledged(true)
             });
         }
         assert_eq!(executed, QUEUE, "nobody has taken a reply");
         assert_eq!(std::iter::from_fn(|| sender.reply()).count(), QUEUE);
-        inbox.take(|_| {
+        take(&mut inbox, |_| {
             executed += 1;
             Reply::Acknowledged(true)
         });

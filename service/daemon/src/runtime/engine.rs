@@ -1,54 +1,31 @@
 //! Inboxes, schedule and diagnosers together: the part that a live daemon and a replay share to the last bit.
 //!
 //! The engine has no clock and no thread. Its owner hands it samples ([`Engine::accept`]) and the time
-//! ([`Engine::step_due`]); it steps what is due and hands every record to a [`RecordSink`]. After construction
+//! ([`Engine::step_due`]); it steps what is due and hands every record and every transition of an alarm to a
+//! [`RecordSink`]. After construction
 //! nothing here allocates.
 
 use hdrhistogram::Histogram;
-use residual_diagnosis::diagnoser::{Diagnoser, flags};
+use residual_shared::alarm::AlarmTransition;
 use residual_shared::counters::{InputCounters, ScheduleCounters};
 use residual_shared::record::StepRecord;
 use residual_shared::sample::SampleHeader;
 
-use super::assembler::Assembler;
 use super::inbox::Inbox;
 use super::schedule::{Agenda, Timing};
-use crate::configuration::SignalReference;
+use super::unit::{DiagnoserUnit, Unit};
+use crate::lifecycle::{LifecycleState, transition};
 
 /// Longest step that the step-time histogram tells apart: one second.
 const LONGEST_STEP_NS: u64 = 1_000_000_000;
 
-/// Takes the records as they come into being.
+/// Takes records and alarm transitions as they come into being.
 pub trait RecordSink {
     /// Takes the record of the diagnoser in `slot`; false when a recorder's copy had to be dropped.
     fn publish(&mut self, slot: usize, record: &StepRecord) -> bool;
-}
 
-/// A diagnoser with its timing and its signals.
-pub struct DiagnoserUnit {
-    /// The method, ready to step.
-    pub diagnoser: Box<dyn Diagnoser>,
-    /// When it is stepped.
-    pub timing: Timing,
-    /// The rows of y, in order.
-    pub measurements: Vec<SignalReference>,
-    /// The elements of u, in order.
-    pub commands: Vec<SignalReference>,
-    /// How many instants after its reception a command acts.
-    pub command_delay_steps: usize,
-}
-
-impl DiagnoserUnit {
-    /// Lets the inboxes of a diagnoser that goes back to late packets take them.
-    fn open_roll_back_window(&self, inboxes: &mut [Inbox]) {
-        let Some(rules) = &self.diagnoser.description().packets else {
-            return;
-        };
-        let window_ns = (rules.rollback_steps as u64).saturating_mul(self.timing.period_ns);
-        for signal in self.measurements.iter().chain(&self.commands) {
-            inboxes[signal.input].accept_backward(window_ns);
-        }
-    }
+    /// Takes a transition of the alarm of the diagnoser in `transition.slot`, after the record that caused it.
+    fn alarm(&mut self, transition: &AlarmTransition);
 }
 
 /// One input's inbox dimensions.
@@ -62,28 +39,16 @@ pub struct InboxOptions {
     pub max_ahead_ns: u64,
 }
 
-struct Unit {
-    diagnoser: Box<dyn Diagnoser>,
-    timing: Timing,
-    assembler: Assembler,
-    /// Whether a sample of any input has come: only then the diagnoser's own time begins, wherever its model
-    /// starts from. So a replay and a daemon that waited for its sensors say the same.
-    begun: bool,
-    /// Whether the diagnoser was reset from outside since its last record.
-    reset: bool,
-    next_step: u64,
-    record: StepRecord,
-    counters: ScheduleCounters,
-}
-
 /// Inboxes, schedule and diagnosers.
 pub struct Engine {
-    epoch_ns: u64,
+    pub(super) epoch_ns: u64,
     catch_up_limit: u64,
-    inboxes: Vec<Inbox>,
-    units: Vec<Unit>,
+    pub(super) inboxes: Vec<Inbox>,
+    pub(super) units: Vec<Unit>,
     agenda: Agenda,
-    step_times_ns: Histogram<u64>,
+    pub(super) step_times_ns: Histogram<u64>,
+    /// How many engines one after the other have taken over from each other.
+    pub(super) generation: u64,
 }
 
 impl Engine {
@@ -113,6 +78,7 @@ impl Engine {
                 .collect(),
             inboxes,
             step_times_ns: step_time_histogram(),
+            generation: 0,
         }
     }
 
@@ -144,28 +110,77 @@ impl Engine {
             unit.skip_what_cannot_be_caught_up(self.epoch_ns, self.catch_up_limit, now_ns);
             let begin_ns = clock_ns();
             let waited_ns = begin_ns.saturating_sub(turn_begin_ns);
-            unit.step(&mut self.inboxes, self.epoch_ns, now_ns + waited_ns);
+            let changes = unit.step(&mut self.inboxes, self.epoch_ns, now_ns + waited_ns);
             let taken_ns = clock_ns().saturating_sub(begin_ns);
             self.step_times_ns.saturating_record(taken_ns);
             unit.counters.max_step_ns = unit.counters.max_step_ns.max(taken_ns);
             if !sink.publish(slot, &unit.record) {
                 unit.counters.records_dropped += 1;
             }
+            for change in changes {
+                sink.alarm(&transition(slot, &unit.record, &change));
+            }
             self.agenda
                 .reschedule(unit.timing.due_ns(self.epoch_ns, unit.next_step));
         }
     }
 
-    /// Returns the diagnoser in `slot` to the state right after its construction; its next record has the flag
-    /// RESET, and its time begins anew with the next sample. False: there is no such slot.
-    pub fn reset(&mut self, slot: usize) -> bool {
-        self.units.get_mut(slot).map(Unit::reset).is_some()
+    /// Puts every unit's next step in its place, after steps were passed over.
+    pub(super) fn refill_agenda(&mut self) {
+        let steps = self.units.iter().map(|unit| (unit.timing, unit.next_step));
+        self.agenda.refill(self.epoch_ns, steps);
     }
 
-    /// Acknowledges the alarm of the diagnoser in `slot`; whether there was one. `None`: there is no such slot.
-    pub fn acknowledge(&mut self, slot: usize) -> Option<bool> {
-        // No alarm outlasts its violation, so none ever waits for an acknowledgement.
-        self.units.get(slot).map(|_| false)
+    /// Marks the alarm of the diagnoser in `slot` as seen by somebody, which ends a latch: see
+    /// [`Lifecycle::acknowledge`](crate::lifecycle::Lifecycle::acknowledge). False if there was nothing to
+    /// acknowledge; `None`: there is no such slot.
+    pub fn acknowledge(&mut self, slot: usize, sink: &mut impl RecordSink) -> Option<bool> {
+        let unit = self.units.get_mut(slot)?;
+        let change = unit.lifecycle.acknowledge();
+        let transition = change.map(|change| transition(slot, &unit.record, &change));
+        Some(transition.inspect(|transition| sink.alarm(transition)).is_some())
+    }
+
+    /// Returns the diagnoser in `slot` and its alarm to the state right after its construction; its next record has
+    /// the flag RESET, and its time begins anew with the next sample. False: there is no such slot.
+    pub fn reset(&mut self, slot: usize, sink: &mut impl RecordSink) -> bool {
+        let Some(unit) = self.units.get_mut(slot) else {
+            return false;
+        };
+        if let Some(change) = unit.lifecycle.reset() {
+            sink.alarm(&transition(slot, &unit.record, &change));
+        }
+        unit.reset();
+        true
+    }
+
+    /// Withdraws the alarms of all diagnosers, each with its slot and the transition that says so.
+    pub fn withdraw_alarms(&mut self, mut take: impl FnMut(usize, AlarmTransition)) {
+        for (slot, unit) in self.units.iter_mut().enumerate() {
+            if let Some(change) = unit.lifecycle.withdraw() {
+                take(slot, transition(slot, &unit.record, &change));
+            }
+        }
+    }
+
+    /// Where the alarm of the diagnoser in `slot` stands.
+    pub fn alarm(&self, slot: usize) -> Option<LifecycleState> {
+        self.units.get(slot).map(|unit| unit.lifecycle.save())
+    }
+
+    /// Lets the alarm of the diagnoser in `slot` go on from `state`.
+    pub fn restore_alarm(&mut self, slot: usize, state: &LifecycleState) {
+        if let Some(unit) = self.units.get_mut(slot) {
+            unit.lifecycle.restore(state);
+        }
+    }
+
+    /// The latest record of each diagnoser that has done a step, with its slot.
+    pub fn latest_records(&self) -> impl Iterator<Item = (usize, &StepRecord)> {
+        let units = self.units.iter().enumerate();
+        units
+            .filter(|(_, unit)| unit.counters.steps > 0)
+            .map(|(slot, unit)| (slot, &unit.record))
     }
 
     /// The door counters of each input.
@@ -189,82 +204,5 @@ fn step_time_histogram() -> Histogram<u64> {
     match Histogram::new_with_bounds(1, LONGEST_STEP_NS, 3) {
         Ok(histogram) => histogram,
         Err(error) => unreachable!("the bounds are constants within hdrhistogram's limits: {error}"),
-    }
-}
-
-impl Unit {
-    fn new(unit: DiagnoserUnit, inboxes: &[Inbox]) -> Self {
-        let description = unit.diagnoser.description();
-        let channel_count = description.channels.len();
-        let (measurements, commands) = (&unit.measurements, &unit.commands);
-        let assembler = Assembler::new(measurements, commands, unit.command_delay_steps);
-        Self {
-            assembler: match &description.packets {
-                Some(rules) => assembler.with_packets(rules, measurements, commands, inboxes),
-                None => assembler,
-            },
-            diagnoser: unit.diagnoser,
-            timing: unit.timing,
-            begun: false,
-            reset: false,
-            next_step: 0,
-            record: StepRecord::new(channel_count),
-            counters: ScheduleCounters::default(),
-        }
-    }
-
-    fn reset(&mut self) {
-        self.diagnoser.reset();
-        self.record = StepRecord::new(self.diagnoser.description().channels.len());
-        self.begun = false;
-        self.reset = true;
-    }
-
-    /// Gives up the oldest instants of a backlog that is longer than the limit, and counts them.
-    fn skip_what_cannot_be_caught_up(&mut self, epoch_ns: u64, limit: u64, now_ns: u64) {
-        let behind_ns = now_ns.saturating_sub(self.timing.due_ns(epoch_ns, self.next_step));
-        let surplus = (behind_ns / self.timing.period_ns).saturating_sub(limit);
-        for _ in 0..surplus {
-            self.assembler.skip();
-            if self.begun {
-                self.diagnoser.skip(&mut self.record);
-            }
-        }
-        self.next_step += surplus;
-        self.counters.skipped += surplus;
-        self.record.skipped_instants = u32::try_from(surplus).unwrap_or(u32::MAX);
-    }
-
-    fn step(&mut self, inboxes: &mut [Inbox], epoch_ns: u64, now_ns: u64) {
-        let instant_ns = self.timing.instant_ns(epoch_ns, self.next_step);
-        let lateness_ns = now_ns.saturating_sub(instant_ns + self.timing.margin_ns);
-        let after_ns = instant_ns.saturating_sub(self.timing.period_ns);
-        let gathered = self.assembler.gather(inboxes, after_ns, instant_ns);
-        let overrun = lateness_ns > self.timing.period_ns;
-
-        let record = &mut self.record;
-        record.step = self.next_step;
-        record.instant_ns = instant_ns;
-        record.inputs_valid = gathered.inputs_valid;
-        record.flags = [
-            (record.skipped_instants > 0, flags::INSTANTS_SKIPPED),
-            (overrun, flags::OVERRUN),
-            (gathered.missing, flags::INPUT_MISSING),
-            (gathered.late, flags::LATE_SAMPLE),
-            (std::mem::take(&mut self.reset), flags::RESET),
-        ]
-        .iter()
-        .filter_map(|&(set, flag)| set.then_some(flag))
-        .fold(0, |flags, flag| flags | flag);
-        self.begun |= gathered.inputs_valid != 0;
-        if self.begun {
-            self.diagnoser.step(&self.assembler.step_input(), record);
-        }
-
-        self.next_step += 1;
-        self.counters.steps += 1;
-        self.counters.overruns += u64::from(overrun);
-        self.counters.input_missing += u64::from(gathered.missing);
-        self.counters.max_lateness_ns = self.counters.max_lateness_ns.max(lateness_ns);
     }
 }

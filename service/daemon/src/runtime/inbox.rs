@@ -2,9 +2,10 @@
 
 use residual_shared::counters::InputCounters;
 use residual_shared::sample::SampleHeader;
+use serde::{Deserialize, Serialize};
 
 /// Who sent the previous sample and which number it carried.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct LastSequence {
     publisher: u128,
     sequence: u64,
@@ -20,6 +21,12 @@ pub struct Inbox {
     max_ahead_ns: u64,
     /// How far behind the newest stamp an older one is still taken; 0 without a method that rolls back.
     rollback_ns: u64,
+    state: InboxState,
+}
+
+/// What an inbox holds and knows.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct InboxState {
     /// Rings of time stamps and numbers, and of `signal_count` elements for each of them, in order of arrival.
     stamps: Vec<u64>,
     sequences: Vec<u64>,
@@ -30,7 +37,24 @@ pub struct Inbox {
     last_sequence: Option<LastSequence>,
     /// Latest sampling instant for which this input has been handed out.
     handed_until_ns: u64,
+    /// Latest sampling instant for which its newest sample has been looked at.
+    seen_until_ns: u64,
+    #[serde(with = "counters_as_words")]
     counters: InputCounters,
+}
+
+/// The counters of a door among the bytes of a state.
+mod counters_as_words {
+    use super::{Deserialize, InputCounters, Serialize};
+    use serde::{Deserializer, Serializer};
+
+    pub fn serialize<S: Serializer>(counters: &InputCounters, serializer: S) -> Result<S::Ok, S::Error> {
+        counters.to_words().serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<InputCounters, D::Error> {
+        Deserialize::deserialize(deserializer).map(InputCounters::from_words)
+    }
 }
 
 impl Inbox {
@@ -42,15 +66,18 @@ impl Inbox {
             signal_count,
             max_ahead_ns,
             rollback_ns: 0,
-            stamps: vec![0; capacity],
-            sequences: vec![0; capacity],
-            elements: vec![0.0; capacity * signal_count],
-            first: 0,
-            len: 0,
-            newest_stamp_ns: None,
-            last_sequence: None,
-            handed_until_ns: 0,
-            counters: InputCounters::default(),
+            state: InboxState {
+                stamps: vec![0; capacity],
+                sequences: vec![0; capacity],
+                elements: vec![0.0; capacity * signal_count],
+                first: 0,
+                len: 0,
+                newest_stamp_ns: None,
+                last_sequence: None,
+                handed_until_ns: 0,
+                seen_until_ns: 0,
+                counters: InputCounters::default(),
+            },
         }
     }
 
@@ -59,14 +86,40 @@ impl Inbox {
         self.rollback_ns = self.rollback_ns.max(rollback_ns);
     }
 
+    /// Goes back as far as `other` does.
+    pub fn accept_backward_like(&mut self, other: &Self) {
+        self.rollback_ns = other.rollback_ns;
+    }
+
+    /// What it holds and knows.
+    pub fn state(&self) -> &InboxState {
+        &self.state
+    }
+
+    /// Goes on from the state of an inbox of the same size; false if it is of another one, and nothing has
+    /// changed then.
+    pub fn restore(&mut self, state: InboxState) -> bool {
+        let own = &self.state;
+        let fits = state.stamps.len() == own.stamps.len()
+            && state.sequences.len() == own.sequences.len()
+            && state.elements.len() == own.elements.len()
+            && state.first < own.stamps.len()
+            && state.len <= own.stamps.len()
+            && state.counters.accepted >= state.len as u64;
+        if fits {
+            self.state = state;
+        }
+        fits
+    }
+
     /// Samples that the inbox keeps.
     pub fn capacity(&self) -> usize {
-        self.stamps.len()
+        self.state.stamps.len()
     }
 
     /// What happened at the door so far.
     pub fn counters(&self) -> &InputCounters {
-        &self.counters
+        &self.state.counters
     }
 
     /// Takes or rejects one sample that arrived at `now_ns` (daemon's time).
@@ -76,13 +129,13 @@ impl Inbox {
         }
         let stamp = header.timestamp_ns;
         let rejected = if elements.len() != self.signal_count {
-            &mut self.counters.wrong_length
+            &mut self.state.counters.wrong_length
         } else if !elements.iter().all(|element| element.is_finite()) {
-            &mut self.counters.non_finite
+            &mut self.state.counters.non_finite
         } else if stamp > now_ns.saturating_add(self.max_ahead_ns) {
-            &mut self.counters.too_far_ahead
+            &mut self.state.counters.too_far_ahead
         } else if self.is_backward(stamp) {
-            &mut self.counters.backward
+            &mut self.state.counters.backward
         } else {
             self.keep(header, elements);
             return;
@@ -93,7 +146,7 @@ impl Inbox {
     /// Whether a stamp is neither newer than all others nor within the roll-back window.
     fn is_backward(&self, stamp: u64) -> bool {
         let window_ns = self.rollback_ns;
-        self.newest_stamp_ns.is_some_and(|newest| {
+        self.state.newest_stamp_ns.is_some_and(|newest| {
             stamp <= newest && (window_ns == 0 || stamp.saturating_add(window_ns) <= newest)
         })
     }
@@ -101,82 +154,96 @@ impl Inbox {
     /// Counts losses and changes of the publisher; false when the sample was seen before.
     fn follow_sequence(&mut self, publisher: u128, header: &SampleHeader) -> bool {
         let sequence = header.sequence;
-        match self.last_sequence {
+        match self.state.last_sequence {
             Some(last) if last.publisher == publisher => {
                 let newer_stamp = self
+                    .state
                     .newest_stamp_ns
                     .is_none_or(|newest| header.timestamp_ns > newest);
                 if sequence == last.sequence || (sequence < last.sequence && !newer_stamp) {
                     let overtaken = self.rollback_ns > 0 && !self.holds(sequence);
                     if overtaken {
                         // It was taken for lost when a later one arrived before it.
-                        self.counters.lost = self.counters.lost.saturating_sub(1);
+                        self.state.counters.lost = self.state.counters.lost.saturating_sub(1);
                     } else {
-                        self.counters.duplicate += 1;
+                        self.state.counters.duplicate += 1;
                     }
                     return overtaken;
                 }
                 if sequence < last.sequence {
                     // The driver began to count anew without re-opening its port.
-                    self.counters.publisher_changes += 1;
+                    self.state.counters.publisher_changes += 1;
                 } else if sequence > last.sequence + 1 {
-                    self.counters.gaps += 1;
-                    self.counters.lost += sequence - last.sequence - 1;
+                    self.state.counters.gaps += 1;
+                    self.state.counters.lost += sequence - last.sequence - 1;
                 }
             }
-            Some(_) => self.counters.publisher_changes += 1,
+            Some(_) => self.state.counters.publisher_changes += 1,
             None => {}
         }
-        self.last_sequence = Some(LastSequence { publisher, sequence });
+        self.state.last_sequence = Some(LastSequence { publisher, sequence });
         true
     }
 
     fn holds(&self, sequence: u64) -> bool {
-        self.places().any(|place| self.sequences[place] == sequence)
+        self.places().any(|place| self.state.sequences[place] == sequence)
     }
 
     /// Places of the samples, oldest arrival first.
     fn places(&self) -> impl DoubleEndedIterator<Item = usize> + use<> {
-        let (first, capacity) = (self.first, self.stamps.len());
-        (0..self.len).map(move |age| (first + age) % capacity)
+        let (first, capacity) = (self.state.first, self.state.stamps.len());
+        (0..self.state.len).map(move |age| (first + age) % capacity)
     }
 
     fn keep(&mut self, header: SampleHeader, elements: &[f64]) {
         let stamp = header.timestamp_ns;
-        let capacity = self.stamps.len();
-        if self.len == capacity {
-            if self.stamps[self.first] > self.handed_until_ns {
-                self.counters.overwritten += 1;
+        let capacity = self.state.stamps.len();
+        if self.state.len == capacity {
+            if self.state.stamps[self.state.first] > self.state.handed_until_ns.max(self.state.seen_until_ns)
+            {
+                self.state.counters.overwritten += 1;
             }
-            self.first = (self.first + 1) % capacity;
-            self.len -= 1;
+            self.state.first = (self.state.first + 1) % capacity;
+            self.state.len -= 1;
         }
-        let place = (self.first + self.len) % capacity;
-        self.stamps[place] = stamp;
-        self.sequences[place] = header.sequence;
-        self.elements[place * self.signal_count..][..self.signal_count].copy_from_slice(elements);
-        self.len += 1;
-        self.newest_stamp_ns = self.newest_stamp_ns.max(Some(stamp));
-        self.counters.accepted += 1;
-        if stamp <= self.handed_until_ns {
-            self.counters.late += 1;
+        let place = (self.state.first + self.state.len) % capacity;
+        self.state.stamps[place] = stamp;
+        self.state.sequences[place] = header.sequence;
+        self.state.elements[place * self.signal_count..][..self.signal_count].copy_from_slice(elements);
+        self.state.len += 1;
+        self.state.newest_stamp_ns = self.state.newest_stamp_ns.max(Some(stamp));
+        self.state.counters.accepted += 1;
+        if stamp <= self.state.handed_until_ns {
+            self.state.counters.late += 1;
         }
     }
 
     /// The newest sample stamped in (`after_ns`, `until_ns`], where `until_ns` is a sampling instant; samples
     /// that arrive later for that instant will count as late.
     pub fn hand_out(&mut self, after_ns: u64, until_ns: u64) -> Option<&[f64]> {
-        self.handed_until_ns = self.handed_until_ns.max(until_ns);
+        self.state.handed_until_ns = self.state.handed_until_ns.max(until_ns);
+        let place = self.newest_place(until_ns)?;
+        let fresh = self.state.stamps[place] > after_ns;
+        fresh.then(|| &self.state.elements[place * self.signal_count..][..self.signal_count])
+    }
+
+    /// The newest sample stamped at or before the sampling instant `until_ns`, however old, for those who need no
+    /// sample of each instant: it does not make later ones late.
+    pub fn newest(&mut self, until_ns: u64) -> Option<&[f64]> {
+        self.state.seen_until_ns = self.state.seen_until_ns.max(until_ns);
+        let place = self.newest_place(until_ns)?;
+        Some(&self.state.elements[place * self.signal_count..][..self.signal_count])
+    }
+
+    fn newest_place(&self, until_ns: u64) -> Option<usize> {
         let mut due = self
             .places()
             .rev()
-            .filter(|&place| self.stamps[place] <= until_ns);
-        let place = match self.rollback_ns {
+            .filter(|&place| self.state.stamps[place] <= until_ns);
+        match self.rollback_ns {
             0 => due.next(),
-            _ => due.max_by_key(|&place| self.stamps[place]),
-        }?;
-        let fresh = self.stamps[place] > after_ns;
-        fresh.then(|| &self.elements[place * self.signal_count..][..self.signal_count])
+            _ => due.max_by_key(|&place| self.state.stamps[place]),
+        }
     }
 
     /// The packets for the sampling instant `until_ns` of a diagnoser whose last one was `after_ns`: those stamped
@@ -187,21 +254,21 @@ impl Inbox {
         until_ns: u64,
         seen: u64,
     ) -> impl Iterator<Item = (SampleHeader, &[f64])> {
-        let first_arrival = self.counters.accepted - self.len as u64;
+        let first_arrival = self.state.counters.accepted - self.state.len as u64;
         (first_arrival..)
             .zip(self.places())
             .filter(move |&(arrival, place)| {
-                let stamp = self.stamps[place];
+                let stamp = self.state.stamps[place];
                 stamp <= until_ns && (stamp > after_ns || arrival >= seen)
             })
             .map(|(_, place)| {
                 let header = SampleHeader {
-                    sequence: self.sequences[place],
-                    timestamp_ns: self.stamps[place],
+                    sequence: self.state.sequences[place],
+                    timestamp_ns: self.state.stamps[place],
                 };
                 (
                     header,
-                    &self.elements[place * self.signal_count..][..self.signal_count],
+                    &self.state.elements[place * self.signal_count..][..self.signal_count],
                 )
             })
     }
@@ -324,6 +391,20 @@ mod tests {
         send(&mut inbox, 1, 20, &[1.0, 1.0]);
         send(&mut inbox, 2, 21, &[1.0, 1.0]);
         assert_eq!((inbox.counters().late, inbox.counters().accepted), (1, 3));
+    }
+
+    #[test]
+    fn the_newest_sample_is_given_however_old_and_makes_nothing_late() {
+        let mut inbox = inbox();
+        assert_eq!(inbox.newest(5), None);
+        send(&mut inbox, 0, 10, &[1.0, 2.0]);
+        assert_eq!(inbox.newest(9), None);
+        assert_eq!(inbox.newest(500), Some(&[1.0, 2.0][..]));
+        for sequence in 1..9 {
+            send(&mut inbox, sequence, 20 + sequence, &[sequence as f64, 0.0]);
+        }
+        assert_eq!(inbox.newest(25), Some(&[5.0, 0.0][..]));
+        assert_eq!((inbox.counters().late, inbox.counters().overwritten), (0, 0));
     }
 
     #[test]

@@ -1,20 +1,27 @@
-//! The step thread: waits for the next due step, obeys commands, receives samples, steps, publishes.
+//! The step thread: waits for the next due step, receives samples, steps, publishes, obeys commands.
 //!
-//! Between start and stop this loop makes no allocation, takes no lock, writes no log, and makes one kind of
-//! system call: the wait.
+//! Between start and stop this loop makes no allocation, takes no lock, writes no log, and makes two kinds of
+//! system call: the wait, and the wake-up at an alarm's transition.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use residual_shared::alarm::AlarmTransition;
 use residual_shared::bounds_table::{HEARTBEAT_PERIOD_NS, TableWriter};
 use residual_shared::clock::{DaemonTime, monotonic_ns, sleep_until_monotonic};
 use residual_shared::counters::{InputCounters, ScheduleCounters};
 use residual_shared::record::StepRecord;
-use residual_shared::transport::SampleSubscriber;
+use residual_shared::transport::Node;
 use rtrb::Producer;
 
-use super::command::{Command, CommandInbox, Reply};
+use super::command::{COMMANDS_PER_TURN, Command, CommandInbox, Reply};
 use super::companion::Message;
 use super::engine::{Engine, RecordSink};
+use super::exchange::{Reported, Subscription};
+use super::running::Running;
+
+/// How long a part of a snapshot may keep the steps of a turn waiting, nanoseconds.
+const SAVE_WITHIN_NS: u64 = 100_000;
 
 /// Shortest time between two reports of the same counters to the log.
 const REPORT_PERIOD_NS: u64 = 1_000_000_000;
@@ -44,10 +51,9 @@ pub enum CounterReport {
 
 /// Where records and counters go: the bounds table, and the companion's queue.
 pub struct Publication {
-    table: TableWriter,
-    queue: Producer<Message>,
-    reported_inputs: Vec<InputCounters>,
-    reported_schedules: Vec<ScheduleCounters>,
+    pub(super) table: TableWriter,
+    pub(super) queue: Producer<Message>,
+    pub(super) reported: Reported,
     next_report_ns: u64,
 }
 
@@ -56,16 +62,19 @@ impl RecordSink for Publication {
         self.table.publish(slot, record);
         self.queue.push(Message::Record(slot, *record)).is_ok()
     }
+
+    fn alarm(&mut self, transition: &AlarmTransition) {
+        self.table.raise(transition);
+    }
 }
 
 impl Publication {
-    /// Publishes into `table` and `queue`; the engine has `inputs` inputs and `diagnosers` diagnosers.
-    pub fn new(table: TableWriter, queue: Producer<Message>, inputs: usize, diagnosers: usize) -> Self {
+    /// Publishes into `table` and `queue`; the log knows what is `reported`.
+    pub fn new(table: TableWriter, queue: Producer<Message>, reported: Reported) -> Self {
         Self {
             table,
             queue,
-            reported_inputs: vec![InputCounters::default(); inputs],
-            reported_schedules: vec![ScheduleCounters::default(); diagnosers],
+            reported,
             next_report_ns: 0,
         }
     }
@@ -87,7 +96,7 @@ impl Publication {
 
     /// Sends changed counters to the log; what the queue has no room for is sent with the next report.
     fn report(&mut self, engine: &Engine) {
-        for (input, (now, before)) in engine.input_counters().zip(&mut self.reported_inputs).enumerate() {
+        for (input, (now, before)) in engine.input_counters().zip(&mut self.reported.inputs).enumerate() {
             let report = CounterReport::Input {
                 input,
                 before: *before,
@@ -99,7 +108,7 @@ impl Publication {
         }
         for (slot, (now, before)) in engine
             .schedule_counters()
-            .zip(&mut self.reported_schedules)
+            .zip(&mut self.reported.schedules)
             .enumerate()
         {
             let report = CounterReport::Schedule {
@@ -118,8 +127,12 @@ impl Publication {
 pub struct StepLoop<'a> {
     /// Inboxes, schedule, diagnosers.
     pub engine: Engine,
-    /// One subscriber per input, in order.
-    pub subscribers: Vec<SampleSubscriber>,
+    /// The configuration.
+    pub running: Arc<Running>,
+    /// One subscriber per input.
+    pub subscriptions: Vec<Subscription>,
+    /// What new inputs are subscribed to with.
+    pub node: &'a Node,
     /// Where records go.
     pub publication: Publication,
     /// Commands of the companion.
@@ -131,13 +144,14 @@ pub struct StepLoop<'a> {
 }
 
 impl StepLoop<'_> {
-    /// Runs until `stop` is set; returns the engine for the final report. The table is closed then.
-    pub fn run(mut self) -> Engine {
+    /// Runs until `stop` is set; returns the engine, for the final report, and its configuration. The table is closed
+    /// then.
+    pub fn run(mut self) -> (Engine, Arc<Running>) {
         while !self.stop.load(Ordering::Relaxed) {
             self.wait();
             self.turn();
         }
-        self.engine
+        (self.engine, self.running)
     }
 
     /// Sleeps until the next step is due, at most one heartbeat long.
@@ -150,36 +164,55 @@ impl StepLoop<'_> {
         sleep_until_monotonic(due_ns.min(heartbeat_ns));
     }
 
-    /// Obeys commands, receives every waiting sample, does every due step, publishes.
+    /// Receives every waiting sample, does every due step, publishes, obeys commands.
     pub fn turn(&mut self) {
-        self.obey();
         let Self {
             engine,
-            subscribers,
+            subscriptions,
             publication,
             time,
             ..
         } = self;
         let now_ns = time.now_ns();
-        for (input, subscriber) in subscribers.iter().enumerate() {
+        for Subscription { input, subscriber } in subscriptions {
             subscriber.receive(|publisher, header, elements| {
-                engine.accept(input, publisher, header, elements, now_ns);
+                engine.accept(*input, publisher, header, elements, now_ns);
             });
         }
         engine.step_due(now_ns, monotonic_ns, publication);
         publication.publish_counters(engine, monotonic_ns());
+        self.obey();
     }
 
-    /// Does what the companion has asked for: before any sample or step of this turn.
+    /// Does what the companion has asked for, when no step is due.
     fn obey(&mut self) {
-        let engine = &mut self.engine;
-        self.commands.take(|command| match command {
-            Command::Reset(slot) if engine.reset(slot) => Reply::Reset,
+        for _ in 0..COMMANDS_PER_TURN {
+            let Some((ticket, command)) = self.commands.next() else {
+                return;
+            };
+            let reply = self.execute(command);
+            self.commands.reply(ticket, reply);
+        }
+    }
+
+    fn execute(&mut self, command: Command) -> Reply {
+        let (engine, sink) = (&mut self.engine, &mut self.publication);
+        match command {
+            Command::Reset(slot) if engine.reset(slot, sink) => Reply::Reset,
             Command::Reset(_) => Reply::NoSuchSlot,
-            Command::Acknowledge(slot) => match engine.acknowledge(slot) {
+            Command::Acknowledge(slot) => match engine.acknowledge(slot, sink) {
                 Some(acknowledged) => Reply::Acknowledged(acknowledged),
                 None => Reply::NoSuchSlot,
             },
-        });
+            Command::Save(mut snapshot) => {
+                let end_ns = monotonic_ns() + SAVE_WITHIN_NS;
+                let progress = engine.save(&mut snapshot, || monotonic_ns() < end_ns);
+                Reply::Saved(snapshot, progress)
+            }
+            Command::Exchange(mut exchange) => {
+                let outcome = self.exchange(&mut exchange);
+                Reply::Exchanged(exchange, outcome)
+            }
+        }
     }
 }

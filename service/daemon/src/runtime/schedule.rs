@@ -22,6 +22,12 @@ impl Timing {
         epoch_ns + self.phase_ns + step * self.period_ns
     }
 
+    /// The number of the first sampling instant at or after `now_ns`.
+    pub fn first_step_from(&self, epoch_ns: u64, now_ns: u64) -> u64 {
+        let since_first_ns = now_ns.saturating_sub(epoch_ns.saturating_add(self.phase_ns));
+        since_first_ns.div_ceil(self.period_ns)
+    }
+
     /// The moment at which the step of t_k is due, nanoseconds.
     pub fn due_ns(&self, epoch_ns: u64, step: u64) -> u64 {
         self.instant_ns(epoch_ns, step) + self.margin_ns
@@ -45,16 +51,26 @@ pub struct Agenda {
 impl Agenda {
     /// An agenda with the first step of every diagnoser, in the order of `timings`.
     pub fn new(epoch_ns: u64, timings: &[Timing]) -> Self {
-        let first = |(unit, timing): (usize, &Timing)| {
+        let mut agenda = Self {
+            heap: BinaryHeap::new(),
+        };
+        agenda.refill(epoch_ns, timings.iter().map(|timing| (*timing, 0)));
+        agenda
+    }
+
+    /// Fills the agenda anew with the given next step of every diagnoser, in their order. Allocates only if there
+    /// are more of them than before.
+    pub fn refill(&mut self, epoch_ns: u64, steps: impl Iterator<Item = (Timing, u64)>) {
+        let mut entries = std::mem::take(&mut self.heap).into_vec();
+        entries.clear();
+        entries.extend(steps.enumerate().map(|(unit, (timing, step))| {
             Reverse(Due {
-                due_ns: timing.due_ns(epoch_ns, 0),
+                due_ns: timing.due_ns(epoch_ns, step),
                 priority: Reverse(timing.priority),
                 unit,
             })
-        };
-        Self {
-            heap: timings.iter().enumerate().map(first).collect(),
-        }
+        }));
+        self.heap = entries.into();
     }
 
     /// When the next step is due, nanoseconds; none if there is no diagnoser.
@@ -94,6 +110,14 @@ mod tests {
         let timing = timing(3_333_333, 7, 0, 0);
         let steps = 365 * 24 * 3600 * 300;
         assert_eq!(timing.instant_ns(1_000, steps), 1_007 + steps * 3_333_333);
+    }
+
+    #[test]
+    fn the_first_step_from_a_moment_on_is_not_before_it() {
+        let timing = timing(10, 3, 0, 0);
+        for (now_ns, step) in [(0, 0), (103, 0), (104, 1), (113, 1), (114, 2)] {
+            assert_eq!(timing.first_step_from(100, now_ns), step, "{now_ns}");
+        }
     }
 
     #[test]

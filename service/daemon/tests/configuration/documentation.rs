@@ -94,7 +94,12 @@ fn every_documented_key_stands_in_the_example_of_its_method() {
         for key in keys.filter(|key| !key.starts_with('"')) {
             let mentioned = example.lines().any(|line| {
                 let line = line.trim_start_matches("# ");
-                let tables = [format!("[[replay.{key}]]"), format!("[[diagnoser.{key}]]")];
+                let tables = [
+                    format!("[[replay.{key}]]"),
+                    format!("[[diagnoser.{key}]]"),
+                    format!("[diagnoser.{key}]"),
+                    format!("[[diagnoser.lifecycle.{key}]]"),
+                ];
                 line.starts_with(&format!("{key} =")) || tables.iter().any(|table| line.starts_with(table))
             });
             let is_method = METHODS

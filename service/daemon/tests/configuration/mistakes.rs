@@ -300,6 +300,71 @@ fn signals_that_are_not_there_are_refused_with_the_known_ones() {
 }
 
 #[test]
+fn lifecycles_that_cannot_work_are_refused() {
+    check(cases![
+        "unknown key": "raise_steps = 2" => "raise_step = 2", 0, ["unknown key `raise_step`"], ["did you mean `raise_steps`?"];
+        "no violation": "raise_steps = 2" => "raise_steps = 0", 0, ["0 is no possible number of violations"], ["1 to 64"];
+        "too long a window": "raise_window = 4" => "raise_window = 65", 0, ["65 is no possible"], ["1 to 64"];
+        "three of two": "raise_window = 4" => "raise_window = 1", 0,
+            ["2 violations never come together in 1 steps"], ["a window of 2 to 64 steps"];
+        "too long a row": "raise_steps = 2                    # so many violations raise it ...\nraise_window = 4 " =>
+            "raise_steps = 70\n", 0, ["70 is no possible"], ["1 to 64"];
+        "never cleared": "clear_steps = 10" => "clear_steps = 0", 0, ["0 is no possible number of quiet steps"], ["1 to"];
+        "never quiet": "clear_ratio = 0.9" => "clear_ratio = 0", 0, ["ratio 0"], ["above 0 and up to 1"];
+        "quiet beyond the bound": "clear_ratio = 0.9" => "clear_ratio = 1.1", 0, ["1.1"], ["up to 1"];
+        "switch": "latch = false" => "latch = \"no\"", 0, ["true or false"], [];
+        "suppression": "startup_suppression_s = 0.0" => "startup_suppression_s = -1.0", 0, ["-1 s"], ["one day"];
+    ]);
+    let condition = |keys: &str| {
+        let enable = "[[diagnoser.lifecycle.enable]]\n";
+        vtol_with("[diagnoser.model]", &format!("{enable}{keys}\n[diagnoser.model]"))
+    };
+    let cases = [
+        (
+            "signal = \"aircraft_sensors.pich_rate\"\nrange = [0, 1]",
+            "signal = \"aircraft_sensors.pich_rate\"",
+            "no signal `pich_rate`",
+            "did you mean `pitch_rate`?",
+        ),
+        (
+            "signal = \"aircraft_sensors.pitch_rate\"\nrange = [1, 0]",
+            "range = [1, 0]",
+            "no value lies between 1 and 0",
+            "lower end first",
+        ),
+        (
+            "signal = \"aircraft_sensors.pitch_rate\"\nchannels = []\nrange = [0, 1]",
+            "channels = []",
+            "concerns no channel",
+            "leave `channels` out",
+        ),
+        (
+            "signal = \"aircraft_sensors.pitch_rate\"\nchannels = [\"fault_free\"]\nrange = [0, 1]",
+            "channels = [\"fault_free\"]",
+            "it has no channel `fault_free`",
+            "channels: ",
+        ),
+        (
+            "range = [0, 1]",
+            "[[diagnoser.lifecycle.enable]]\nrange",
+            "missing key `signal`",
+            "add `signal = ...`",
+        ),
+    ];
+    for (keys, place, message, help) in cases {
+        let text = condition(keys);
+        let mistakes = mistakes_of(&text);
+        assert_eq!(mistakes.len(), 1, "{keys}: {mistakes:?}");
+        assert_eq!(mistakes[0].line, line_of(&text, place), "{keys}: {mistakes:?}");
+        assert!(mistakes[0].message.contains(message), "{keys}: {mistakes:?}");
+        assert!(
+            mistakes[0].help.as_deref().unwrap_or("").contains(help),
+            "{keys}: {mistakes:?}"
+        );
+    }
+}
+
+#[test]
 fn two_diagnosers_of_the_same_name_are_refused() {
     let start = VTOL.find("[[diagnoser]]").unwrap();
     let end = VTOL.find("[replay]").unwrap();

@@ -170,6 +170,10 @@ impl Diagnoser for AsyncImm {
         self.format.encode(&self.memory, state);
     }
 
+    fn state_size(&self) -> usize {
+        self.format.size(&self.memory)
+    }
+
     fn restore(&mut self, state: &[u8]) -> Result<(), RestoreError> {
         let memory: Memory = self.format.decode(state)?;
         if !memory.fits(&self.memory, &self.sensor_rows) {

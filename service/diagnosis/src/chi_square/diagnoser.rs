@@ -198,6 +198,10 @@ impl Diagnoser for ChiSquareDiagnoser {
         self.format.encode(&self.state, state);
     }
 
+    fn state_size(&self) -> usize {
+        self.format.size(&self.state)
+    }
+
     fn restore(&mut self, state: &[u8]) -> Result<(), RestoreError> {
         let state: State = self.format.decode(state)?;
         if !state.fits(

@@ -351,6 +351,10 @@ impl Diagnoser for HinfFilter {
         self.format.encode(&self.state, state);
     }
 
+    fn state_size(&self) -> usize {
+        self.format.size(&self.state)
+    }
+
     fn restore(&mut self, state: &[u8]) -> Result<(), RestoreError> {
         let state: State = self.format.decode(state)?;
         if !state.fits(&self.state, self.rules.bank) {

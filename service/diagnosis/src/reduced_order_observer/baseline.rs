@@ -241,6 +241,10 @@ impl Diagnoser for BaselineObserver {
         self.format.encode(&self.state, state);
     }
 
+    fn state_size(&self) -> usize {
+        self.format.size(&self.state)
+    }
+
     fn restore(&mut self, state: &[u8]) -> Result<(), RestoreError> {
         let saved: State = self.format.decode(state)?;
         if !saved.fits(&self.state) {

@@ -312,6 +312,10 @@ impl Diagnoser for ReducedOrderObserver {
         self.format.encode(&self.state, state);
     }
 
+    fn state_size(&self) -> usize {
+        self.format.size(&self.state)
+    }
+
     fn restore(&mut self, state: &[u8]) -> Result<(), RestoreError> {
         let saved: State = self.format.decode(state)?;
         let ages = saved.filters.iter().zip(&self.filters);

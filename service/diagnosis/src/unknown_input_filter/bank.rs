@@ -350,6 +350,10 @@ impl Diagnoser for UnknownInputFilterBank {
         self.format.encode(&self.state, state);
     }
 
+    fn state_size(&self) -> usize {
+        self.format.size(&self.state)
+    }
+
     fn restore(&mut self, state: &[u8]) -> Result<(), RestoreError> {
         let mut state: BankState = self.format.decode(state)?;
         if !state.fits(&self.state) {

@@ -51,9 +51,12 @@ fn assert_same_bits(what: &str, one: &[StepRecord], other: &[StepRecord]) {
     }
 }
 
+/// The state of a diagnoser, which writes as much as it says, and into a list with room without allocating.
 fn saved(diagnoser: &dyn Diagnoser) -> Vec<u8> {
-    let mut state = Vec::new();
-    diagnoser.save(&mut state);
+    let size = diagnoser.state_size();
+    let mut state = Vec::with_capacity(size);
+    assert_eq!(allocations(|| diagnoser.save(&mut state)), 0);
+    assert_eq!(state.len(), size);
     state
 }
 

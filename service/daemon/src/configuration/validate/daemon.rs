@@ -16,6 +16,12 @@ const MAX_ICEORYX_ROOT: usize = 60;
 /// Largest `record_queue`: 256 MiB of records.
 const MAX_RECORD_QUEUE: u64 = 65_536;
 
+/// Shortest time from one checkpoint to the next, seconds: each is brought to the disk.
+const MIN_CHECKPOINT_PERIOD_S: f64 = 0.1;
+
+/// Longest time from one checkpoint to the next, one day.
+const MAX_CHECKPOINT_PERIOD_S: f64 = 86_400.0;
+
 /// Largest processor number of the kernel's CPU set.
 const MAX_CPU: u64 = 1023;
 
@@ -49,6 +55,7 @@ pub(in crate::configuration) fn daemon(
             );
         }
     }
+    let checkpoint_period_ns = checkpoint_period(&section, mistakes);
     let group = section.group.and_then(|group| group_id(group, mistakes));
     let mode = permission_bits(&section.mode, mistakes);
     if section.stale_after_periods == 0 {
@@ -97,7 +104,30 @@ pub(in crate::configuration) fn daemon(
         record_queue: section.record_queue,
         alarm_capacity: section.alarm_capacity,
         gains_file: section.gains_file.map(|file| directory.join(file)),
+        checkpoint_file: section.checkpoint_file.map(|file| directory.join(file)),
+        checkpoint_period_ns,
     })
+}
+
+fn checkpoint_period(section: &Daemon, mistakes: &mut Mistakes<'_>) -> Option<u64> {
+    let path = "daemon.checkpoint_period_s";
+    let seconds = section.checkpoint_period_s?;
+    if section.checkpoint_file.is_none() {
+        mistakes.at(
+            path,
+            "there is a period for checkpoints but no file",
+            "name one with `checkpoint_file`, or leave `checkpoint_period_s` out",
+        );
+    }
+    if !(MIN_CHECKPOINT_PERIOD_S..=MAX_CHECKPOINT_PERIOD_S).contains(&seconds) {
+        mistakes.at(
+            path,
+            format!("a checkpoint every {seconds} s is not possible"),
+            "use 0.1 (ten times a second) to 86400 (once a day)",
+        );
+        return None;
+    }
+    Some((seconds * 1e9).round() as u64)
 }
 
 fn group_id(group: Group, mistakes: &mut Mistakes<'_>) -> Option<u32> {

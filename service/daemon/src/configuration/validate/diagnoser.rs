@@ -1,5 +1,6 @@
 //! `[[diagnoser]]`: schedule and signals; the method checks its own tables.
 
+use super::lifecycle::lifecycle;
 use super::quantity::{duration_ns, period_ns};
 use super::{check_name, refuse_duplicates};
 use crate::configuration::locate::Mistakes;
@@ -57,6 +58,7 @@ pub(in crate::configuration) fn diagnoser(
     }
     let measurements = signals(&at("measurements"), &section.measurements, inputs, mistakes);
     let commands = signals(&at("commands"), &section.commands, inputs, mistakes);
+    let lifecycle = lifecycle(&at("lifecycle"), &section.lifecycle, period_ns, inputs, mistakes);
     let mut method = method?;
     let counts_agree = counts_agree(path, &section, &method, mistakes);
     let (measurements, commands) = (measurements?, commands?);
@@ -78,6 +80,7 @@ pub(in crate::configuration) fn diagnoser(
         measurements,
         commands,
         command_delay_steps: section.command_delay_steps,
+        lifecycle: lifecycle?,
         method,
     })
 }
@@ -138,7 +141,11 @@ fn signals(
     (found.len() == list.len()).then_some(found)
 }
 
-fn signal(reference: &str, inputs: &[InputConfiguration]) -> Result<SignalReference, (String, String)> {
+/// Finds the signal that is written as "input.signal"; otherwise what is wrong and what to do.
+pub(super) fn signal(
+    reference: &str,
+    inputs: &[InputConfiguration],
+) -> Result<SignalReference, (String, String)> {
     let Some((input_name, signal_name)) = reference.split_once('.') else {
         let written = |input: &InputConfiguration| {
             input

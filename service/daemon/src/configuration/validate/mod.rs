@@ -3,6 +3,7 @@
 mod daemon;
 mod diagnoser;
 mod input;
+mod lifecycle;
 mod quantity;
 mod replay;
 

@@ -14,9 +14,9 @@ use residual_shared::control::{
 use residual_shared::counters::ScheduleCounters;
 use residual_shared::names::Instance;
 use residual_shared::transport::{Asker, ControlServer};
-use tracing::{info, warn};
+use tracing::{debug, info, warn};
 
-use super::task::{RunningTask, Task, Work};
+use super::task::{Due, RunningTask, Task, Work};
 use crate::logging::LogFilter;
 use crate::runtime::command::{Command, CommandSender, Reply, Ticket};
 
@@ -41,14 +41,14 @@ pub struct Identity {
 
 /// What control requests act on.
 pub struct Control {
-    /// What the daemon says of itself.
-    pub identity: Identity,
     /// The way to the step thread.
     pub commands: CommandSender,
     /// The filter of the log.
     pub log: LogFilter,
     /// Does what takes long.
     pub work: Work,
+    /// What is to be done without a request.
+    pub due: Due,
 }
 
 /// A request whose commands are on the way.
@@ -68,6 +68,7 @@ struct Pending {
 pub(super) struct ControlDesk {
     server: ControlServer,
     instance: Instance,
+    pub(super) identity: Identity,
     control: Control,
     pending: Vec<Pending>,
     task: Option<RunningTask>,
@@ -76,10 +77,16 @@ pub(super) struct ControlDesk {
 }
 
 impl ControlDesk {
-    pub(super) fn new(server: ControlServer, instance: Instance, control: Control) -> Self {
+    pub(super) fn new(
+        server: ControlServer,
+        instance: Instance,
+        identity: Identity,
+        control: Control,
+    ) -> Self {
         Self {
             server,
             instance,
+            identity,
             control,
             pending: Vec::new(),
             task: None,
@@ -103,7 +110,15 @@ impl ControlDesk {
         if let Some(outcome) = self.task.as_ref().and_then(RunningTask::outcome)
             && let Some(task) = self.task.take()
         {
-            self.answer(task.asker, &outcome, task.task.name());
+            match task.asker {
+                Some(asker) => self.answer(asker, &outcome, task.task.name()),
+                None => report(&outcome, task.task.name()),
+            }
+        }
+        if self.task.is_none()
+            && let Some(task) = (self.control.due)()
+        {
+            self.begin(task, None);
         }
         self.report_rejections();
     }
@@ -111,7 +126,7 @@ impl ControlDesk {
     /// Answers what is still pending, and gives the counters.
     pub(super) fn finish(mut self) -> ControlCounters {
         let pending = self.pending.drain(..).map(|pending| pending.asker);
-        for asker in pending.chain(self.task.take().map(|task| task.asker)) {
+        for asker in pending.chain(self.task.take().and_then(|task| task.asker)) {
             self.server.answer(asker, &Err(ControlError::Stopping));
         }
         let ControlCounters {
@@ -143,17 +158,12 @@ impl ControlDesk {
     }
 
     fn answer(&mut self, asker: Asker, answer: &Answer, request: &str) {
-        match answer {
-            // Looking changes nothing.
-            Ok(Response::List(_) | Response::Description(_)) => {}
-            Ok(response) => info!(request, ?response, "control"),
-            Err(error) => warn!(request, %error, "control"),
-        }
+        report(answer, request);
         self.server.answer(asker, answer);
     }
 
     fn list(&self, first: u32) -> Listing {
-        let diagnosers = &self.control.identity.diagnosers;
+        let diagnosers = &self.identity.diagnosers;
         let table = self.table();
         let entry = |diagnoser: &DiagnoserDescription| DiagnoserEntry {
             name: diagnoser.name.clone(),
@@ -166,7 +176,7 @@ impl ControlDesk {
         let from = (first as usize).min(diagnosers.len());
         Listing {
             instance: self.instance.name.to_string(),
-            program: self.control.identity.program.clone(),
+            program: self.identity.program.clone(),
             pid: std::process::id(),
             epoch: table.as_ref().map_or(0, |table| table.directory().epoch),
             log: self.control.log.current(),
@@ -178,7 +188,7 @@ impl ControlDesk {
     }
 
     fn describe(&self, name: &str) -> Result<Outcome, ControlError> {
-        let mut description = self.control.identity.diagnosers[self.slot_of(name)?].clone();
+        let mut description = self.identity.diagnosers[self.slot_of(name)?].clone();
         let counters = counters(self.table().as_ref(), description.slot).to_words();
         description.counters = ScheduleCounters::NAMES
             .iter()
@@ -193,7 +203,7 @@ impl ControlDesk {
 
     fn reset(&self, which: Which) -> Result<Outcome, ControlError> {
         let slots = match which {
-            Which::All => 0..self.control.identity.diagnosers.len(),
+            Which::All => 0..self.identity.diagnosers.len(),
             Which::Diagnoser(name) => one(self.slot_of(&name)?),
         };
         let answer = |diagnosers| Response::Reset { diagnosers };
@@ -202,7 +212,7 @@ impl ControlDesk {
 
     fn acknowledge(&self, alarms: Alarms) -> Result<Outcome, ControlError> {
         let slots = match alarms {
-            Alarms::All => 0..self.control.identity.diagnosers.len(),
+            Alarms::All => 0..self.identity.diagnosers.len(),
             Alarms::Diagnoser(name) => one(self.slot_of(&name)?),
             Alarms::Number { epoch, number } => one(self.slot_of_alarm(AlarmNumber { epoch, number })?),
         };
@@ -227,7 +237,7 @@ impl ControlDesk {
     }
 
     fn slot_of(&self, name: &str) -> Result<usize, ControlError> {
-        let diagnosers = &self.control.identity.diagnosers;
+        let diagnosers = &self.identity.diagnosers;
         diagnosers
             .iter()
             .position(|diagnoser| diagnoser.name == name)
@@ -258,7 +268,7 @@ impl ControlDesk {
         };
         let slot = transition.slot as usize;
         let status = table.read_alarm_status(slot).map_err(|_| unknown())?;
-        let diagnoser = self.control.identity.diagnosers.get(slot).ok_or_else(unknown)?;
+        let diagnoser = self.identity.diagnosers.get(slot).ok_or_else(unknown)?;
         if status.occurrences != transition.occurrence {
             return Err(ControlError::AlarmSuperseded {
                 number: number.to_string(),
@@ -297,6 +307,11 @@ impl ControlDesk {
             return self.answer(asker, &Err(busy), task.name());
         }
         info!(request = task.name(), "control: begins");
+        self.begin(task, Some(asker));
+    }
+
+    /// Begins a task; its outcome is told to the asker, if there is one, and to the log.
+    fn begin(&mut self, task: Task, asker: Option<Asker>) {
         let ticket = self.control.commands.ticket();
         self.task = Some(RunningTask::start(task, asker, ticket, &self.control.work));
     }
@@ -312,7 +327,7 @@ impl ControlDesk {
         pending.outstanding -= 1;
         pending.done += match reply {
             Reply::Reset | Reply::Acknowledged(true) => 1,
-            Reply::Acknowledged(false) | Reply::NoSuchSlot => 0,
+            Reply::Acknowledged(false) | Reply::NoSuchSlot | Reply::Saved(..) | Reply::Exchanged(..) => 0,
         };
     }
 
@@ -345,6 +360,18 @@ impl ControlDesk {
             self.reported_rejections = total;
             self.report_at = Instant::now() + REPORT_PERIOD;
         }
+    }
+}
+
+/// Writes to the log what became of a request.
+fn report(answer: &Answer, request: &str) {
+    match answer {
+        // Looking changes nothing.
+        Ok(Response::List(_) | Response::Description(_)) => {}
+        // There may be one every second.
+        Ok(Response::Checkpoint(outcome)) => debug!(?outcome, "checkpoint"),
+        Ok(response) => info!(request, ?response, "control"),
+        Err(error) => warn!(request, %error, "control"),
     }
 }
 

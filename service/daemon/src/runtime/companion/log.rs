@@ -1,16 +1,15 @@
-//! Changes of verdict and of the counters, for the log.
+//! Changes of the counters, for the log.
 
 use residual_shared::counters::{InputCounters, ScheduleCounters};
-use residual_shared::record::{StepRecord, Verdict, fault_names};
-use tracing::{info, warn};
+use tracing::warn;
 
 use crate::runtime::live::CounterReport;
 
 /// Names for the log.
 #[derive(Clone, Debug)]
 pub struct LogNames {
-    /// Diagnosers by slot, each with its fault names.
-    pub diagnosers: Vec<(String, Vec<String>)>,
+    /// Diagnosers by slot.
+    pub diagnosers: Vec<String>,
     /// Inputs in order.
     pub inputs: Vec<String>,
 }
@@ -18,37 +17,11 @@ pub struct LogNames {
 /// Writes what changes to the log.
 pub(super) struct ChangeLog {
     names: LogNames,
-    last_verdicts: Vec<Option<(Verdict, u64)>>,
 }
 
 impl ChangeLog {
     pub(super) fn new(names: LogNames) -> Self {
-        Self {
-            last_verdicts: vec![None; names.diagnosers.len()],
-            names,
-        }
-    }
-
-    /// Writes a line if the verdict of the diagnoser in `slot` has changed.
-    pub(super) fn record(&mut self, slot: usize, record: &StepRecord) {
-        let now = (record.verdict(), record.certainly_faulty);
-        let (Some(last), Some((name, faults))) =
-            (self.last_verdicts.get_mut(slot), self.names.diagnosers.get(slot))
-        else {
-            return;
-        };
-        if last.replace(now) == Some(now) {
-            return;
-        }
-        let faulty: Vec<&str> = fault_names(faults, record.certainly_faulty).collect();
-        let (step, verdict) = (record.step, now.0.name());
-        match now.0 {
-            Verdict::Fault | Verdict::Isolated | Verdict::GuaranteeLost => {
-                let possibly: Vec<&str> = fault_names(faults, record.possibly_faulty).collect();
-                warn!(diagnoser = name, step, verdict, ?faulty, ?possibly);
-            }
-            _ => info!(diagnoser = name, step, verdict),
-        }
+        Self { names }
     }
 
     /// Writes a line for each counter that tells of a loss or a delay.
@@ -64,11 +37,7 @@ impl ChangeLog {
                 }
             }
             CounterReport::Schedule { slot, before, now } => {
-                let name = self
-                    .names
-                    .diagnosers
-                    .get(*slot)
-                    .map_or("?", |(name, _)| name.as_str());
+                let name = self.names.diagnosers.get(*slot).map_or("?", String::as_str);
                 for (counter, from, to) in
                     changes(ScheduleCounters::NAMES, &before.to_words(), &now.to_words())
                 {

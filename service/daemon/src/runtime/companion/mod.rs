@@ -3,11 +3,12 @@
 //! | module | what |
 //! |---|---|
 //! | [`records`] | sends the step records, which come through a lock-free queue, to recorders |
-//! | [`log`] | writes changes of verdict and of the counters to the log |
+//! | [`log`] | writes changes of the counters to the log |
 //! | [`control`] | answers control requests, through commands to the step thread where need be |
 //! | [`task`] | work for a control request that takes long, on a thread of its own |
 //!
-//! It clears away dead iceoryx2 nodes, too.
+//! It tells alarms to the log and to listeners of iceoryx2 ([`alarms`]), which wake it at once,
+//! and clears away dead iceoryx2 nodes.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,15 +18,17 @@ use std::time::{Duration, Instant};
 use residual_shared::control::ControlCounters;
 use residual_shared::names::Instance;
 use residual_shared::record::StepRecord;
-use residual_shared::transport::{self, ControlServer, RecordPublisher, TransportError};
+use residual_shared::transport::{self, AlarmNotifier, ControlServer, RecordPublisher, TransportError};
 use rtrb::Consumer;
 use tracing::warn;
 
 use super::live::CounterReport;
+use alarms::AlarmWatch;
 use control::ControlDesk;
 use log::ChangeLog;
 use records::RecordRelay;
 
+mod alarms;
 mod control;
 mod log;
 mod records;
@@ -33,9 +36,9 @@ mod task;
 
 pub use control::{Control, Identity};
 pub use log::LogNames;
-pub use task::{StepThread, Task, Work};
+pub use task::{Due, StepThread, Task, Work};
 
-/// How long the thread sleeps when its queue is empty: recorders see a record, and requests are seen, at most this
+/// How long the thread sleeps without an alarm: recorders see a record, and requests are seen, at most this
 /// much later.
 const IDLE: Duration = Duration::from_millis(5);
 
@@ -43,7 +46,6 @@ const IDLE: Duration = Duration::from_millis(5);
 const CLEANING_PERIOD: Duration = Duration::from_secs(5);
 
 /// What the step thread sends over.
-#[derive(Clone, Copy)]
 #[expect(
     clippy::large_enum_variant,
     reason = "a record is copied once into the queue, never moved on"
@@ -53,6 +55,17 @@ pub enum Message {
     Record(usize, StepRecord),
     /// New counters of one input or one diagnoser.
     Counters(CounterReport),
+    /// What follows is of another configuration.
+    Reloaded(Box<Introduction>),
+}
+
+/// What the companion has to know of a configuration.
+#[derive(Clone, Debug)]
+pub struct Introduction {
+    /// Names for the log.
+    pub names: LogNames,
+    /// What the daemon says of itself.
+    pub identity: Identity,
 }
 
 /// The running companion thread; dropping it lets the thread work off its queue and ends it.
@@ -68,7 +81,7 @@ impl Companion {
     /// See [`TransportError`].
     pub fn start(
         instance: Instance,
-        names: LogNames,
+        introduction: Introduction,
         queue: Consumer<Message>,
         control: Control,
     ) -> Result<Self, TransportError> {
@@ -77,7 +90,7 @@ impl Companion {
         let asked_to_stop = Arc::clone(&stop);
         let thread = thread::spawn(move || {
             // iceoryx2's ports belong to one thread, so they are made here.
-            match Worker::new(&instance, names, queue, control) {
+            match Worker::new(&instance, introduction, queue, control) {
                 Ok(worker) => {
                     let _ = ready.send(Ok(()));
                     worker.run(&asked_to_stop)
@@ -129,6 +142,7 @@ struct Worker {
     records: RecordRelay,
     log: ChangeLog,
     control: ControlDesk,
+    alarms: AlarmWatch,
     // Last, so that it outlives its ports.
     node: transport::Node,
 }
@@ -136,16 +150,19 @@ struct Worker {
 impl Worker {
     fn new(
         instance: &Instance,
-        names: LogNames,
+        introduction: Introduction,
         queue: Consumer<Message>,
         control: Control,
     ) -> Result<Self, TransportError> {
         let node = transport::open_node(instance)?;
+        let Introduction { names, identity } = introduction;
+        let server = ControlServer::create(&node, instance)?;
         Ok(Self {
             queue,
+            alarms: AlarmWatch::new(instance.clone(), AlarmNotifier::create(&node, instance)?),
             records: RecordRelay::new(RecordPublisher::create(&node, instance)?),
             log: ChangeLog::new(names),
-            control: ControlDesk::new(ControlServer::create(&node, instance)?, instance.clone(), control),
+            control: ControlDesk::new(server, instance.clone(), identity, control),
             node,
         })
     }
@@ -154,13 +171,15 @@ impl Worker {
         let mut cleaned = Instant::now();
         loop {
             let stopping = stop.load(Ordering::Acquire);
+            self.alarms.look();
             while let Ok(message) = self.queue.pop() {
                 match message {
-                    Message::Record(slot, record) => {
-                        self.records.send(slot, &record);
-                        self.log.record(slot, &record);
-                    }
+                    Message::Record(slot, record) => self.records.send(slot, &record),
                     Message::Counters(report) => self.log.counters(&report),
+                    Message::Reloaded(introduction) => {
+                        self.log = ChangeLog::new(introduction.names);
+                        self.control.identity = introduction.identity;
+                    }
                 }
             }
             self.control.serve();
@@ -171,7 +190,7 @@ impl Worker {
                 self.node.try_cleanup_dead_nodes();
                 cleaned = Instant::now();
             }
-            thread::sleep(IDLE);
+            self.alarms.wait(IDLE);
         }
         self.records.finish();
         self.control.finish()

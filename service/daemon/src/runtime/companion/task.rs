@@ -33,6 +33,9 @@ impl Task {
 /// Does a task, on a thread of its own, and gives the answer to the request.
 pub type Work = Arc<dyn Fn(Task, &StepThread) -> Answer + Send + Sync>;
 
+/// Says what is to be done now though nobody asked for it.
+pub type Due = Box<dyn FnMut() -> Option<Task> + Send>;
+
 /// The way of a task to the step thread.
 #[derive(Debug)]
 pub struct StepThread {
@@ -55,7 +58,8 @@ impl StepThread {
 #[derive(Debug)]
 pub(super) struct RunningTask {
     pub(super) task: Task,
-    pub(super) asker: Asker,
+    /// Who asked for it; nobody if it was due.
+    pub(super) asker: Option<Asker>,
     pub(super) ticket: Ticket,
     commands: Receiver<Command>,
     replies: Sender<Reply>,
@@ -63,7 +67,7 @@ pub(super) struct RunningTask {
 }
 
 impl RunningTask {
-    pub(super) fn start(task: Task, asker: Asker, ticket: Ticket, work: &Work) -> Self {
+    pub(super) fn start(task: Task, asker: Option<Asker>, ticket: Ticket, work: &Work) -> Self {
         let (commands, command_receiver) = channel();
         let (reply_sender, replies) = channel();
         let (outcome_sender, outcome) = channel();
