@@ -68,6 +68,21 @@ impl Helper {
         self.child.wait().unwrap();
     }
 
+    /// Kills it with SIGKILL; gives the whole lines that it wrote.
+    pub fn kill_and_read(mut self) -> Vec<String> {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+        self.lines()
+    }
+
+    /// The latest whole lines that it wrote, some hundred bytes of them.
+    pub fn last_lines(&self) -> Vec<String> {
+        let bytes = fs::read(&self.output).unwrap();
+        let text = String::from_utf8_lossy(&bytes[bytes.len().saturating_sub(400)..]).into_owned();
+        let whole = text.rfind('\n').map_or("", |end| &text[..end]);
+        whole.lines().skip(1).map(str::to_owned).collect()
+    }
+
     /// Ends it in good order; gives what it wrote.
     pub fn finish(mut self) -> Vec<String> {
         drop(self.child.stdin.take());
