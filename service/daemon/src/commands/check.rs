@@ -163,7 +163,9 @@ fn diagnoser(
         lines.entry(name, value);
     }
     achieved(lines, &built.achieved);
-    lifecycle(lines, diagnoser, &built.achieved, inputs);
+    for (name, value) in lifecycle(diagnoser, &built.achieved, inputs) {
+        lines.entry(name, value);
+    }
     let channels: Vec<_> = description
         .channels
         .iter()

@@ -4,13 +4,15 @@ use residual_diagnosis::diagnoser::Description;
 
 use super::replay::{ReplayArguments, ReplayError, say};
 use crate::configuration::Configuration;
+use crate::replay::alarms::AlarmWriter;
 use crate::replay::comparison::Comparison;
 use crate::replay::detections::Detections;
 use crate::replay::recorded::Recorded;
-use crate::replay::records::{RecordWriter, ReplayRecord};
+use crate::replay::records::{RecordWriter, ReplayRecord, Replayed};
 use crate::replay::report::Report;
 use crate::replay::run::Run;
 use crate::replay::selection::RunSelection;
+use residual_shared::alarm::AlarmTransition;
 use residual_shared::record::StepRecord;
 
 /// Replays the recording and compares the records with the recorded ones; the report goes to standard output.
@@ -34,6 +36,8 @@ pub(super) fn execute(arguments: &ReplayArguments) -> Result<(), ReplayError> {
         .map(|path| RecordWriter::create(path, &descriptions))
         .transpose()?;
 
+    let mut alarms = arguments.alarms.as_deref().map(AlarmWriter::create).transpose()?;
+
     let [first_ns, last_ns] = recorded.instants_ns();
     let times_ns = vec![0, last_ns - first_ns];
     let run = Run {
@@ -50,24 +54,35 @@ pub(super) fn execute(arguments: &ReplayArguments) -> Result<(), ReplayError> {
         if failed.is_some() {
             return;
         }
-        let since_start = ReplayRecord {
-            record: StepRecord {
-                instant_ns: replayed.record.instant_ns - first_ns,
-                ..replayed.record
-            },
-            ..replayed
-        };
-        report.take(&run, &since_start);
-        let written = writer
-            .as_mut()
-            .map_or(Ok(()), |writer| writer.write(&name, &replayed));
-        let compared = comparison.take(&replayed);
-        failed = written.err().map(Into::into).or(compared.err().map(Into::into));
+        match replayed {
+            Replayed::Record(replayed) => {
+                let record = StepRecord {
+                    instant_ns: replayed.record.instant_ns - first_ns,
+                    ..replayed.record
+                };
+                report.take(&run, &ReplayRecord { record, ..replayed });
+                let written = writer.as_mut().map(|writer| writer.write(&name, &replayed));
+                let compared = comparison.take(&replayed);
+                failed = (written.and_then(Result::err).map(Into::into)).or(compared.err().map(Into::into));
+            }
+            Replayed::Alarm(transition) => {
+                let since_start = AlarmTransition {
+                    instant_ns: transition.instant_ns - first_ns,
+                    ..transition
+                };
+                report.take_alarm(&run, &since_start);
+                let written = alarms
+                    .as_mut()
+                    .map(|alarms| alarms.write(&name, report.diagnosers(), &transition));
+                failed = written.and_then(Result::err).map(Into::into);
+            }
+        }
     });
     if let Some(error) = failed {
         return Err(error);
     }
     writer.map_or(Ok(()), RecordWriter::finish)?;
+    alarms.map_or(Ok(()), AlarmWriter::finish)?;
     if arguments.table.is_none() && !arguments.totals {
         say(&report.last_run());
     }

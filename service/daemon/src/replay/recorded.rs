@@ -13,9 +13,10 @@ use std::path::{Path, PathBuf};
 use residual_diagnosis::method::Designed;
 use residual_recording::header::Input;
 use residual_recording::{Event, Header, ReadError, Reader, SampleMessage};
+use residual_shared::alarm::AlarmTransition;
 use residual_shared::record::StepRecord;
 
-use super::records::ReplayRecord;
+use super::records::{ReplayRecord, Replayed};
 use super::simulated::step_before;
 use crate::assembly::assemble;
 use crate::configuration::Configuration;
@@ -141,12 +142,12 @@ impl Recorded {
         notes
     }
 
-    /// Steps `diagnosers` through the recording and hands over every record of an instant that it covers.
+    /// Steps `diagnosers` through the recording and hands over every record and alarm of an instant that it covers.
     pub fn simulate(
         &self,
         configuration: &Configuration,
         diagnosers: Vec<Designed>,
-        take: impl FnMut(ReplayRecord),
+        take: impl FnMut(Replayed),
     ) {
         let speed = self.header.time.speed;
         let mut engine = assemble(configuration, diagnosers, self.header.schedule_epoch_ns, speed);
@@ -173,6 +174,10 @@ impl Recorded {
         );
     }
 
+    fn covers(&self, instant_ns: u64) -> bool {
+        (self.first_instant_ns..=self.last_instant_ns).contains(&instant_ns)
+    }
+
     fn cover(&mut self, instant_ns: u64) {
         self.first_instant_ns = self.first_instant_ns.min(instant_ns);
         self.last_instant_ns = self.last_instant_ns.max(instant_ns);
@@ -185,16 +190,19 @@ struct Covered<'a, F> {
     take: F,
 }
 
-impl<F: FnMut(ReplayRecord)> RecordSink for Covered<'_, F> {
+impl<F: FnMut(Replayed)> RecordSink for Covered<'_, F> {
     fn publish(&mut self, slot: usize, record: &StepRecord) -> bool {
-        let [first_ns, last_ns] = self.recorded.instants_ns();
-        if (first_ns..=last_ns).contains(&record.instant_ns) {
-            (self.take)(ReplayRecord {
-                slot,
-                record: *record,
-            });
+        if self.recorded.covers(record.instant_ns) {
+            let record = *record;
+            (self.take)(Replayed::Record(ReplayRecord { slot, record }));
         }
         true
+    }
+
+    fn alarm(&mut self, transition: &AlarmTransition) {
+        if self.recorded.covers(transition.instant_ns) {
+            (self.take)(Replayed::Alarm(*transition));
+        }
     }
 }
 

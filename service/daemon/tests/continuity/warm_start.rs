@@ -103,7 +103,7 @@ fn instants_that_passed_are_skipped_as_they_are_by_an_engine_that_stood_still() 
             setup.feed(&mut standing, sample, &mut expected);
             setup.feed(&mut engine, sample, &mut records);
         }
-        assert!(expected.list.len() > 2, "{}", expected.names[0]);
+        assert!(expected.list.len() >= 2, "{}", expected.names[0]);
         assert!(
             expected.list[0].record.skipped_instants > 0,
             "{}",
