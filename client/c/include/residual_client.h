@@ -642,9 +642,11 @@ enum residual_status residual_monitor_daemon(struct residual_monitor *monitor,
                                              uint64_t *epoch);
 
 /**
- * The number of diagnosers. It and their order may change with a new epoch.
+ * The number of diagnosers. It and their order may change with a new epoch, which only residual_monitor_daemon(),
+ * residual_monitor_follow() and residual_monitor_read() look for: in between, indices keep their meaning.
  */
-enum residual_status residual_monitor_diagnoser_count(struct residual_monitor *monitor, size_t *count);
+enum residual_status residual_monitor_diagnoser_count(struct residual_monitor *monitor,
+                                                      size_t *count);
 
 /**
  * Describes the diagnoser with this index.

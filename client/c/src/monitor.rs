@@ -176,7 +176,8 @@ fn at<'a, T>(list: &'a [T], index: usize, what: &'static str) -> Result<&'a T, F
     list.get(index).ok_or(Failure::NoSuch { what, index, count })
 }
 
-/// The number of diagnosers. It and their order may change with a new epoch.
+/// The number of diagnosers. It and their order may change with a new epoch, which only residual_monitor_daemon(),
+/// residual_monitor_follow() and residual_monitor_read() look for: in between, indices keep their meaning.
 #[unsafe(no_mangle)]
 pub extern "C" fn residual_monitor_diagnoser_count(
     monitor: Option<&mut residual_monitor>,

@@ -6,6 +6,9 @@
 Sends a sample of every input 100 times a second and prints one line of JSON for each step record. It needs the
 daemon's own user. Types match those of the daemon by name and layout: ``shared/src/sample.rs``, ``shared/src/record.rs``
 and ``shared/src/transport``. Names, prefix and directories: ``shared/src/names.rs``.
+
+iceoryx2 makes its shared memory sparse: on a full ``/dev/shm`` the first write to a page without memory kills the
+process. The Rust publishers of this project take their memory beforehand, this example does not.
 """
 
 import ctypes

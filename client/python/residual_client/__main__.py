@@ -35,8 +35,8 @@ def status(arguments: argparse.Namespace) -> int:
             worst = record.worst_channel()
             if worst is not None:
                 line += f"; worst {diagnoser.channels[worst[0]].name} at {worst[1].ratio:.3f}"
-        judges = reading.freshness is Freshness.FRESH and record is not None
-        if code == 0 and not (judges and record.verdict is not Verdict.GUARANTEE_LOST):
+        verdict = record.verdict if record else Verdict.STARTING
+        if code == 0 and (reading.freshness is not Freshness.FRESH or verdict is Verdict.GUARANTEE_LOST):
             code = NOT_JUDGED
         print(line)
     return code if state == "running" else NO_DAEMON
@@ -82,7 +82,7 @@ def main() -> int:
             command.add_argument("--follow", action="store_true", help="goes on until Ctrl-C")
     arguments = parser.parse_args()
     try:
-        return arguments.function(arguments)
+        return int(arguments.function(arguments))
     except NoTable as error:
         print(f"residual_client: {error}", file=sys.stderr)
         return NO_DAEMON
