@@ -92,7 +92,10 @@ impl Chart {
 
 impl Curve {
     fn finite(&self) -> impl Iterator<Item = (f64, f64)> + Clone + '_ {
-        self.points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite())
+        self.points
+            .iter()
+            .copied()
+            .filter(|(x, y)| x.is_finite() && y.is_finite())
     }
 
     /// The pieces of the line, thinned out if there are many points.
@@ -143,7 +146,13 @@ mod tests {
     fn a_line_is_broken_where_there_is_no_value() {
         let curve = Curve {
             name: String::new(),
-            points: vec![(0.0, 1.0), (1.0, 2.0), (2.0, f64::NAN), (3.0, f64::INFINITY), (4.0, 3.0)],
+            points: vec![
+                (0.0, 1.0),
+                (1.0, 2.0),
+                (2.0, f64::NAN),
+                (3.0, f64::INFINITY),
+                (4.0, 3.0),
+            ],
         };
         let pieces: Vec<_> = curve.pieces().collect();
         assert_eq!(pieces, [vec![(0.0, 1.0), (1.0, 2.0)], vec![(4.0, 3.0)]]);

@@ -67,7 +67,9 @@ where
             (shade.from.max(x_range.start), y_range.start),
             (shade.to.min(x_range.end), y_range.end),
         ];
-        let drawn = context.draw_series([Rectangle::new(corners, colour)]).map_err(text)?;
+        let drawn = context
+            .draw_series([Rectangle::new(corners, colour)])
+            .map_err(text)?;
         if named.insert(&shade.name) {
             let swatch = move |(x, y)| Rectangle::new([(x, y - 5), (x + 18, y + 5)], colour);
             drawn.label(&shade.name).legend(swatch);
@@ -86,7 +88,9 @@ where
     for mark in &chart.marks {
         let line = [(mark.x, y_range.start), (mark.x, y_range.end)];
         let style = BLACK.mix(0.6).stroke_width(1);
-        context.draw_series([PathElement::new(line, style)]).map_err(text)?;
+        context
+            .draw_series([PathElement::new(line, style)])
+            .map_err(text)?;
         let name = Text::new(format!(" {}", mark.name), (mark.x, y_range.end), (FONT, 12));
         context.draw_series([name]).map_err(text)?;
     }

@@ -46,7 +46,9 @@ impl Chart {
         let mut encoder = png::Encoder::new(&mut bytes, width, height);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
-        let written = encoder.write_header().and_then(|mut image| image.write_image_data(&pixels));
+        let written = encoder
+            .write_header()
+            .and_then(|mut image| image.write_image_data(&pixels));
         written.map_err(|error| self.failed(error.to_string()))?;
         Ok(bytes)
     }
@@ -74,9 +76,8 @@ fn register_font() -> Result<(), ()> {
     use std::sync::LazyLock;
 
     static SANS: &[u8] = include_bytes!("../font/sans.ttf");
-    static REGISTERED: LazyLock<bool> = LazyLock::new(|| {
-        plotters::style::register_font(crate::draw::FONT, FontStyle::Normal, SANS).is_ok()
-    });
+    static REGISTERED: LazyLock<bool> =
+        LazyLock::new(|| plotters::style::register_font(crate::draw::FONT, FontStyle::Normal, SANS).is_ok());
     REGISTERED.then_some(()).ok_or(())
 }
 
@@ -145,7 +146,9 @@ mod tests {
     #[test]
     fn a_png_has_the_size_of_the_chart_and_its_curve_and_text_on_white() {
         let bytes = chart(vec![(0.0, 1.0), (1.0, 2.0)]).png().unwrap();
-        let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
+        let mut reader = png::Decoder::new(std::io::Cursor::new(bytes))
+            .read_info()
+            .unwrap();
         let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
         let frame = reader.next_frame(&mut pixels).unwrap();
         assert_eq!((frame.width, frame.height), SIZE);
@@ -155,7 +158,11 @@ mod tests {
         let [red, green, blue] = [Palette99::pick(0).rgb()].map(|(r, g, b)| [r, g, b])[0];
         assert!(count(&|point| *point == [red, green, blue]) > 500, "the curve");
         // The title lies above the plot.
-        let title = points.iter().take(30 * SIZE.0 as usize).filter(|point| point[0] < 128).count();
+        let title = points
+            .iter()
+            .take(30 * SIZE.0 as usize)
+            .filter(|point| point[0] < 128)
+            .count();
         assert!(title > 100, "{title} dark pixels in the title");
     }
 }

@@ -40,7 +40,10 @@ fn recording(directory: &TempDir) -> PathBuf {
         schedule_epoch_ns: 0,
         configuration: None,
         earlier_samples: 0,
-        diagnosers: vec![diagnoser("front", &["force", "never"]), diagnoser("rear", &["yaw rate"])],
+        diagnosers: vec![
+            diagnoser("front", &["force", "never"]),
+            diagnoser("rear", &["yaw rate"]),
+        ],
         inputs: vec![],
     };
     let path = directory.path().join("drive.mcap");
@@ -50,7 +53,11 @@ fn recording(directory: &TempDir) -> PathBuf {
         let mut record = StepRecord::new(2);
         record.step = step;
         record.instant_ns = 5_000_000_000 + step * 10_000_000;
-        record.verdict = if faulty { Verdict::Isolated } else { Verdict::Nominal } as u32;
+        record.verdict = if faulty {
+            Verdict::Isolated
+        } else {
+            Verdict::Nominal
+        } as u32;
         record.certainly_faulty = if faulty { 0b10 } else { 0 };
         record.channels_mut()[0] = Channel::two_sided(0.1 * step as f64, 6.0);
         let front = RecordMessage {
@@ -59,7 +66,10 @@ fn recording(directory: &TempDir) -> PathBuf {
             record,
         };
         writer.write_record(&front, 0).unwrap();
-        let mut record = StepRecord { verdict: Verdict::Nominal as u32, ..record };
+        let mut record = StepRecord {
+            verdict: Verdict::Nominal as u32,
+            ..record
+        };
         record.channel_count = 1;
         record.certainly_faulty = 0;
         record.channels[0] = Channel::two_sided(-0.25, 1.0);
@@ -114,11 +124,20 @@ fn every_evaluated_channel_gets_its_picture_with_alarm_and_fault() {
     let output = run(&["plot"], &path);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let plots = path.with_extension("plots");
-    let mut files: Vec<_> = fs::read_dir(&plots).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    let mut files: Vec<_> = fs::read_dir(&plots)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name())
+        .collect();
     files.sort();
     assert_eq!(files, ["front.force.svg", "rear.yaw_rate.svg"]);
     let front = fs::read_to_string(plots.join("front.force.svg")).unwrap();
-    for part in ["front: force", "residual between its bounds, N", "alarm raised", "isolated", "valve"] {
+    for part in [
+        "front: force",
+        "residual between its bounds, N",
+        "alarm raised",
+        "isolated",
+        "valve",
+    ] {
         assert!(front.contains(part), "{part}");
     }
     let rear = fs::read_to_string(plots.join("rear.yaw_rate.svg")).unwrap();
@@ -137,9 +156,18 @@ fn one_channel_goes_into_one_file_and_a_png_is_one() {
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     assert!(fs::read(&picture).unwrap().starts_with(b"\x89PNG\r\n"));
     for (arguments, phrase) in [
-        (&["plot", "--output", "x.svg"][..], "2 channels do not fit into one file"),
-        (&["plot", "--channel", "side"], "no channel `side`; it has force, never, yaw rate"),
-        (&["plot", "--diagnoser", "side"], "no diagnoser `side`; it has front, rear"),
+        (
+            &["plot", "--output", "x.svg"][..],
+            "2 channels do not fit into one file",
+        ),
+        (
+            &["plot", "--channel", "side"],
+            "no channel `side`; it has force, never, yaw rate",
+        ),
+        (
+            &["plot", "--diagnoser", "side"],
+            "no diagnoser `side`; it has front, rear",
+        ),
         (&["plot", "--channel", "never"], "nothing to draw"),
         (&["export", "csv"], "choose one of front, rear"),
     ] {
@@ -161,21 +189,43 @@ fn csv_has_a_line_a_record_and_the_numbers_with_all_digits() {
     let head = "run,step,time_ns,verdict,certainly_faulty,possibly_faulty,flags,skipped_instants,inputs_valid,\
                 fault_estimate,fault_estimate_half_width,force.lower,force.residual,force.upper,force.ratio,";
     assert!(lines[0].starts_with(head), "{}", lines[0]);
-    let expected = format!("car,3,5030000000,nominal,,,0,0,0,NaN,NaN,-6,{},6,{},", 0.1 * 3.0, 0.1 * 3.0 / 6.0);
+    let expected = format!(
+        "car,3,5030000000,nominal,,,0,0,0,NaN,NaN,-6,{},6,{},",
+        0.1 * 3.0,
+        0.1 * 3.0 / 6.0
+    );
     assert!(lines[4].starts_with(&expected), "{}", lines[4]);
-    assert!(lines[61].starts_with("car,60,5600000000,isolated,valve,,"), "{}", lines[61]);
+    assert!(
+        lines[61].starts_with("car,60,5600000000,isolated,valve,,"),
+        "{}",
+        lines[61]
+    );
 
     let into = directory.path().join("all.csv");
     let output = run(&["export", "csv", "--output", into.to_str().unwrap()], &path);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     assert_eq!(fs::read_to_string(into.with_extension("front.csv")).unwrap(), csv);
-    assert_eq!(fs::read_to_string(into.with_extension("rear.csv")).unwrap().lines().count(), 101);
+    assert_eq!(
+        fs::read_to_string(into.with_extension("rear.csv"))
+            .unwrap()
+            .lines()
+            .count(),
+        101
+    );
 }
 
 #[test]
 fn csv_of_a_live_daemon_comes_line_by_line() {
     let mut live = Live::start();
-    let mut command = live.command(&["export", "csv", "live", "--diagnoser", "rear", "--duration", "1.5"]);
+    let mut command = live.command(&[
+        "export",
+        "csv",
+        "live",
+        "--diagnoser",
+        "rear",
+        "--duration",
+        "1.5",
+    ]);
     let child = command.stdout(Stdio::piped()).spawn().unwrap();
     std::thread::sleep(Duration::from_millis(500));
     for _ in 0..5 {

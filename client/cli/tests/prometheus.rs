@@ -22,15 +22,28 @@ impl Exporter {
         let mut command = live.command(&["export", "prometheus", "--listen", "127.0.0.1:0"]);
         let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
         let mut said = String::new();
-        BufReader::new(child.stderr.take().unwrap()).read_line(&mut said).unwrap();
-        let address = said.split("http://").nth(1).unwrap().split('/').next().unwrap().to_owned();
+        BufReader::new(child.stderr.take().unwrap())
+            .read_line(&mut said)
+            .unwrap();
+        let address = said
+            .split("http://")
+            .nth(1)
+            .unwrap()
+            .split('/')
+            .next()
+            .unwrap()
+            .to_owned();
         Self { child, address }
     }
 
     /// Head and body of the answer to a request.
     fn ask(&self, request: &str) -> (String, String) {
         let mut stream = TcpStream::connect(&self.address).unwrap();
-        write!(stream, "{request} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").unwrap();
+        write!(
+            stream,
+            "{request} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n"
+        )
+        .unwrap();
         let mut answer = String::new();
         stream.read_to_string(&mut answer).unwrap();
         let (head, body) = answer.split_once("\r\n\r\n").unwrap();
@@ -61,7 +74,10 @@ struct Metrics {
 
 impl Metrics {
     fn value(&self, name: &str) -> f64 {
-        *self.values.get(name).unwrap_or_else(|| panic!("no {name} in {:#?}", self.values))
+        *self
+            .values
+            .get(name)
+            .unwrap_or_else(|| panic!("no {name} in {:#?}", self.values))
     }
 }
 
@@ -76,7 +92,11 @@ fn parse(text: &str) -> Metrics {
     for line in text.lines().filter(|line| *line != "# EOF") {
         if let Some(rest) = line.strip_prefix("# ") {
             let mut words = rest.splitn(3, ' ');
-            let (kind, name, value) = (words.next().unwrap(), words.next().unwrap(), words.next().unwrap());
+            let (kind, name, value) = (
+                words.next().unwrap(),
+                words.next().unwrap(),
+                words.next().unwrap(),
+            );
             match kind {
                 "HELP" => assert!(helped.insert(name.to_owned()), "{name} twice"),
                 "TYPE" => drop(metrics.types.insert(name.into(), value.into())),
@@ -87,15 +107,25 @@ fn parse(text: &str) -> Metrics {
         }
         let (series, value) = line.rsplit_once(' ').unwrap();
         let name = series.split('{').next().unwrap();
-        assert!(name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_'), "{line}");
+        assert!(
+            name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_'),
+            "{line}"
+        );
         let family = metrics.types.keys().find(|family| {
             let suffix = name.strip_prefix(family.as_str());
             suffix.is_some_and(|suffix| ["", "_total", "_info"].contains(&suffix))
         });
         let family = family.unwrap_or_else(|| panic!("{line} has no type"));
-        assert_eq!(metrics.types[family] == "counter", name.ends_with("_total"), "{line}");
+        assert_eq!(
+            metrics.types[family] == "counter",
+            name.ends_with("_total"),
+            "{line}"
+        );
         let labels = series.strip_prefix(name).unwrap().trim_matches(['{', '}']);
-        let mut labels: Vec<&str> = labels.split("\",").map(|label| label.trim_end_matches('"')).collect();
+        let mut labels: Vec<&str> = labels
+            .split("\",")
+            .map(|label| label.trim_end_matches('"'))
+            .collect();
         labels.sort_unstable();
         let series = format!("{name}{{{}}}", labels.join(","));
         let value = value.parse().unwrap_or_else(|_| panic!("{line}"));
@@ -116,14 +146,24 @@ fn metrics_hold_the_newest_record_and_all_counters_by_the_conventions() {
     assert!(metrics.value(&own("residual_daemon_heartbeat_age_seconds", "")) < 20.0);
     let of = |name: &str, more: &str| {
         let mut labels = vec![format!("diagnoser=\"front"), format!("instance=\"{instance}")];
-        labels.extend(more.split(',').filter(|label| !label.is_empty()).map(str::to_owned));
+        labels.extend(
+            more.split(',')
+                .filter(|label| !label.is_empty())
+                .map(str::to_owned),
+        );
         labels.sort();
         metrics.value(&format!("{name}{{{}}}", labels.join(",")))
     };
     assert_eq!(of("residual_channel_ratio", "channel=\"force"), 0.25);
     assert_eq!(of("residual_channel_residual", "channel=\"force,unit=\"N"), 0.5);
-    assert_eq!(of("residual_channel_upper_bound", "channel=\"force,unit=\"N"), 2.0);
-    assert_eq!(of("residual_channel_lower_bound", "channel=\"force,unit=\"N"), -2.0);
+    assert_eq!(
+        of("residual_channel_upper_bound", "channel=\"force,unit=\"N"),
+        2.0
+    );
+    assert_eq!(
+        of("residual_channel_lower_bound", "channel=\"force,unit=\"N"),
+        -2.0
+    );
     assert_eq!(of("residual_diagnoser_verdict", "verdict=\"nominal"), 1.0);
     assert_eq!(of("residual_diagnoser_verdict", "verdict=\"fault"), 0.0);
     assert_eq!(of("residual_diagnoser_freshness", "freshness=\"fresh"), 1.0);
@@ -133,10 +173,18 @@ fn metrics_hold_the_newest_record_and_all_counters_by_the_conventions() {
     assert_eq!(of("residual_diagnoser_max_step_seconds", ""), 0.0);
     let accepted = format!("residual_input_accepted_total{{input=\"imu,instance=\"{instance}}}");
     assert_eq!(metrics.value(&accepted), 0.0);
-    assert!(metrics.values.keys().any(|name| name.starts_with("residual_build_info{version=")));
+    assert!(
+        metrics
+            .values
+            .keys()
+            .any(|name| name.starts_with("residual_build_info{version="))
+    );
     assert_eq!(metrics.types["residual_channel_ratio"], "gauge");
     // `rear` has not said anything yet.
-    let rear = metrics.values.keys().filter(|name| name.contains("verdict") && name.contains("rear"));
+    let rear = metrics
+        .values
+        .keys()
+        .filter(|name| name.contains("verdict") && name.contains("rear"));
     assert_eq!(rear.count(), 0);
 }
 
@@ -162,7 +210,10 @@ fn the_exporter_survives_the_daemon_and_answers_only_what_it_knows() {
 fn an_address_that_is_taken_is_refused() {
     let live = Live::start();
     let exporter = Exporter::start(&live);
-    let output = live.command(&["export", "prometheus", "--listen", &exporter.address]).output().unwrap();
+    let output = live
+        .command(&["export", "prometheus", "--listen", &exporter.address])
+        .output()
+        .unwrap();
     assert_eq!(output.status.code(), Some(1));
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(said.contains("choose another address with --listen"), "{said}");

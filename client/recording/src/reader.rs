@@ -12,7 +12,7 @@ use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use residual_shared::alarm::AlarmTransition;
 
 use crate::header::{self, Header};
-use crate::message::{MessageError, alarm, RecordMessage, SampleMessage};
+use crate::message::{MessageError, RecordMessage, SampleMessage, alarm};
 use crate::totals::{self, Totals};
 use crate::writer::{ALARMS, KIND, OF, RECORDS, SAMPLES};
 

@@ -82,7 +82,9 @@ fn the_official_library_reads_the_same_counts_values_and_fields() {
     writer.flush().unwrap();
     writer.write_record(&record(1, 0), 0).unwrap();
     writer.write_sample(&sample(0, 77, &[0.1, -1e-7])).unwrap();
-    writer.write_alarm(&alarm(AlarmState::Isolated), 1_000_000_500).unwrap();
+    writer
+        .write_alarm(&alarm(AlarmState::Isolated), 1_000_000_500)
+        .unwrap();
     let topics = writer.topics();
     writer
         .finish(&Totals {

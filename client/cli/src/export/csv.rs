@@ -64,12 +64,13 @@ fn live(arguments: &CsvArguments, runtime_directory: &Path) -> Result<u8, Error>
     let mut lines = Lines::begin(arguments, stream.header())?;
     let mut failed = None;
     recorder::look(&mut stream, arguments.duration, &stop, |batch| {
-        let records = batch.iter().filter_map(|received| match received {
+        let mut records = batch.iter().filter_map(|received| match received {
             Received::Record { message, .. } => Some(message),
             _ => None,
         });
-        let mut records = records;
-        let written = records.try_for_each(|message| lines.write(message)).and_then(|()| lines.flush());
+        let written = records
+            .try_for_each(|message| lines.write(message))
+            .and_then(|()| lines.flush());
         failed = written.err();
         failed.is_none()
     });
@@ -88,16 +89,30 @@ fn live(arguments: &CsvArguments, runtime_directory: &Path) -> Result<u8, Error>
 /// One file a diagnoser.
 struct Lines {
     instance: String,
-    /// By slot: the file, if the diagnoser is exported, and the names of its faults.
-    files: Vec<Option<(Writer<Box<dyn Write>>, Vec<String>)>>,
+    /// By slot, of the diagnosers that are exported.
+    files: Vec<Option<Lined>>,
+}
+
+/// The file of one diagnoser.
+struct Lined {
+    file: Writer<Box<dyn Write>>,
+    faults: Vec<String>,
 }
 
 impl Lines {
     fn begin(arguments: &CsvArguments, header: &Header) -> Result<Self, Error> {
-        let names: Vec<&str> = header.diagnosers.iter().map(|diagnoser| diagnoser.name.as_str()).collect();
+        let names: Vec<&str> = header
+            .diagnosers
+            .iter()
+            .map(|diagnoser| diagnoser.name.as_str())
+            .collect();
         refuse_unknown("diagnoser", &arguments.diagnosers, &names)?;
         let wanted = |name: &String| arguments.diagnosers.is_empty() || arguments.diagnosers.contains(name);
-        let count = header.diagnosers.iter().filter(|diagnoser| wanted(&diagnoser.name)).count();
+        let count = header
+            .diagnosers
+            .iter()
+            .filter(|diagnoser| wanted(&diagnoser.name))
+            .count();
         let mut files = Vec::new();
         for diagnoser in &header.diagnosers {
             if !wanted(&diagnoser.name) {
@@ -123,8 +138,12 @@ impl Lines {
             };
             let mut file = Writer::from_writer(into);
             let channels = diagnoser.channels.iter().map(|channel| channel.name.as_str());
-            file.write_record(columns::names(channels)).map_err(output_error)?;
-            files.push(Some((file, diagnoser.faults.clone())));
+            file.write_record(columns::names(channels))
+                .map_err(output_error)?;
+            files.push(Some(Lined {
+                file,
+                faults: diagnoser.faults.clone(),
+            }));
         }
         Ok(Self {
             instance: header.instance.clone(),
@@ -133,7 +152,7 @@ impl Lines {
     }
 
     fn write(&mut self, message: &RecordMessage) -> Result<(), Error> {
-        let Some(Some((file, faults))) = self.files.get_mut(message.slot) else {
+        let Some(Some(Lined { file, faults })) = self.files.get_mut(message.slot) else {
             return Ok(());
         };
         let cells = columns::cells(&self.instance, &message.record, faults);
@@ -141,8 +160,8 @@ impl Lines {
     }
 
     fn flush(&mut self) -> Result<(), Error> {
-        for (file, _) in self.files.iter_mut().flatten() {
-            file.flush()?;
+        for lined in self.files.iter_mut().flatten() {
+            lined.file.flush()?;
         }
         Ok(())
     }

@@ -60,7 +60,11 @@ impl History {
                 name: name.into(),
                 points: self.points(index, part),
             };
-            let unit = if channel.unit.is_empty() { "1" } else { &channel.unit };
+            let unit = if channel.unit.is_empty() {
+                "1"
+            } else {
+                &channel.unit
+            };
             let chart = Chart {
                 title: format!("{}: {}", self.diagnoser.name, channel.name),
                 x: "time from the start of the recording, s".into(),
@@ -83,11 +87,16 @@ impl History {
     /// Part of a channel against time; NaN where it was not evaluated.
     fn points(&self, index: usize, part: fn(&residual_client::Channel) -> f64) -> Vec<(f64, f64)> {
         let value = |record: &StepRecord| {
-            let channel = record.channels().get(index).filter(|channel| channel.is_evaluated());
+            let channel = record
+                .channels()
+                .get(index)
+                .filter(|channel| channel.is_evaluated());
             channel.map_or(f64::NAN, part)
         };
         let records = self.records.iter();
-        records.map(|record| (self.seconds(record.instant_ns), value(record))).collect()
+        records
+            .map(|record| (self.seconds(record.instant_ns), value(record)))
+            .collect()
     }
 
     fn seconds(&self, instant_ns: u64) -> f64 {

@@ -75,7 +75,11 @@ pub fn run(arguments: &PlotArguments) -> Result<u8, Error> {
 }
 
 fn write(path: &Path, chart: &Chart, png: bool) -> Result<(), Error> {
-    let bytes = if png { chart.png()? } else { chart.svg()?.into_bytes() };
+    let bytes = if png {
+        chart.png()?
+    } else {
+        chart.svg()?.into_bytes()
+    };
     fs::write(path, bytes).map_err(|source| Error::File {
         path: path.into(),
         source,
@@ -86,7 +90,10 @@ fn write(path: &Path, chart: &Chart, png: bool) -> Result<(), Error> {
 
 fn check_names(arguments: &PlotArguments, reader: &Reader) -> Result<(), Error> {
     let diagnosers = &reader.header().diagnosers;
-    let known: Vec<&str> = diagnosers.iter().map(|diagnoser| diagnoser.name.as_str()).collect();
+    let known: Vec<&str> = diagnosers
+        .iter()
+        .map(|diagnoser| diagnoser.name.as_str())
+        .collect();
     refuse_unknown("diagnoser", &arguments.diagnosers, &known)?;
     let channels = diagnosers.iter().flat_map(|diagnoser| &diagnoser.channels);
     let known: Vec<&str> = channels.map(|channel| channel.name.as_str()).collect();

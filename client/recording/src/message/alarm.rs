@@ -105,8 +105,7 @@ pub(crate) fn read(json: &[u8]) -> Result<AlarmTransition, MessageError> {
         step: read.step,
         slot: read.slot,
         identity: identity.map_err(|_| MessageError::NotHexadecimal(read.identity))?,
-        state: AlarmState::from_number(read.state_number)
-            .ok_or(MessageError::State(read.state_number))?,
+        state: AlarmState::from_number(read.state_number).ok_or(MessageError::State(read.state_number))?,
         flags: read.flag_bits,
         verdict: read.verdict_number,
         occurrence: read.occurrence,

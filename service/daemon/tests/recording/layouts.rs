@@ -58,7 +58,8 @@ fn assert_exists(topics: &BTreeMap<String, (Value, Option<Value>)>, path: &str, 
         let fields = path.strip_prefix(topic.as_str())?;
         Some((content, fields.strip_prefix(separator).unwrap_or(fields)))
     });
-    let ((schema, message), fields) = found.unwrap_or_else(|| panic!("no topic of {path} in {:?}", topics.keys()));
+    let ((schema, message), fields) =
+        found.unwrap_or_else(|| panic!("no topic of {path} in {:?}", topics.keys()));
     let (mut schema, mut message) = (schema, message.as_ref());
     for field in fields.split(separator).filter(|field| !field.is_empty()) {
         schema = &schema["properties"][field];
@@ -80,8 +81,15 @@ fn the_layouts_name_only_what_a_recording_of_the_example_holds() {
     let panels = layout["configById"].as_object().unwrap();
     let mut count = 0;
     for (name, panel) in panels {
-        assert!(layout["layout"].to_string().contains(name.as_str()), "`{name}` is not shown");
-        let paths = panel["paths"].as_array().into_iter().flatten().map(|path| &path["value"]);
+        assert!(
+            layout["layout"].to_string().contains(name.as_str()),
+            "`{name}` is not shown"
+        );
+        let paths = panel["paths"]
+            .as_array()
+            .into_iter()
+            .flatten()
+            .map(|path| &path["value"]);
         for path in paths.chain(panel.get("topicPath")) {
             assert_exists(&topics, path.as_str().unwrap(), '.');
             count += 1;

@@ -10,8 +10,8 @@ use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::metrics::info::Info;
 use prometheus_client::registry::{Registry, Unit};
 use residual_client::{
-    InputCounters, Instance, Liveness, ReadError, Reading, ScheduleCounters, StepRecord, TableReader, Verdict,
-    monotonic_ns,
+    InputCounters, Instance, Liveness, ReadError, Reading, ScheduleCounters, StepRecord, TableReader,
+    Verdict, monotonic_ns,
 };
 
 type Labels = Vec<(&'static str, String)>;
@@ -54,7 +54,11 @@ pub fn text(instance: &Instance) -> Result<String, MetricsError> {
     let now_ns = monotonic_ns();
     let running = |table: &TableReader| table.liveness(now_ns) == Liveness::Running;
     let up = numbers(&mut registry, "up", "Whether the daemon lives", None);
-    set(&up, own(&[]), f64::from(u8::from(table.as_ref().is_some_and(running))));
+    set(
+        &up,
+        own(&[]),
+        f64::from(u8::from(table.as_ref().is_some_and(running))),
+    );
     if let Some(table) = &table {
         add_daemon(&mut registry, table, now_ns, &own);
         add_diagnosers(&mut registry, table, now_ns, &own)?;
@@ -89,8 +93,16 @@ fn add_diagnosers(
     let ratio = "Distance to alarm, 1 at the bound; of channels that were evaluated at the latest instant";
     let ratio = channel(registry, "channel_ratio", ratio);
     let residual = channel(registry, "channel_residual", "Residual, in the channel's unit");
-    let lower = channel(registry, "channel_lower_bound", "Lower bound of the residual, in the channel's unit");
-    let upper = channel(registry, "channel_upper_bound", "Upper bound of the residual, in the channel's unit");
+    let lower = channel(
+        registry,
+        "channel_lower_bound",
+        "Lower bound of the residual, in the channel's unit",
+    );
+    let upper = channel(
+        registry,
+        "channel_upper_bound",
+        "Upper bound of the residual, in the channel's unit",
+    );
     let verdict = "What the diagnoser concludes: 1 for its present verdict, 0 for the others";
     let verdict = numbers(registry, "diagnoser_verdict", verdict, None);
     let freshness = "What the newest record is worth: 1 for what holds, 0 for the others";
@@ -113,14 +125,21 @@ fn add_diagnosers(
             let holds = f64::from(u8::from(reading.freshness.name() == name));
             set(&freshness, of(&[("freshness", name)]), holds);
         }
-        for (counter, value) in schedule.iter().zip(table.read_schedule_counters(slot)?.to_words()) {
+        for (counter, value) in schedule
+            .iter()
+            .zip(table.read_schedule_counters(slot)?.to_words())
+        {
             counter.set(of(&[]), value);
         }
         if reading.number == 0 {
             continue;
         }
         let time_ns = table.directory().spec.time.from_monotonic(now_ns);
-        set(&age, of(&[]), time_ns.saturating_sub(record.instant_ns) as f64 * 1e-9);
+        set(
+            &age,
+            of(&[]),
+            time_ns.saturating_sub(record.instant_ns) as f64 * 1e-9,
+        );
         for other in VERDICTS {
             let holds = f64::from(u8::from(record.verdict() == other));
             set(&verdict, of(&[("verdict", other.name())]), holds);

@@ -45,7 +45,11 @@ pub fn run(arguments: &PrometheusArguments, runtime_directory: &Path) -> Result<
         address,
         reason: reason.to_string(),
     })?;
-    eprintln!("metrics of {} on http://{}/metrics", instance.name, server.server_addr());
+    eprintln!(
+        "metrics of {} on http://{}/metrics",
+        instance.name,
+        server.server_addr()
+    );
     while !stop.load(Ordering::Relaxed) {
         // A connection that fails is its client's matter.
         if let Ok(Some(request)) = server.recv_timeout(LOOK_PERIOD) {
