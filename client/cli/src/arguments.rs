@@ -2,14 +2,16 @@
 
 use std::path::PathBuf;
 
-use crate::export::ExportTarget;
-use crate::plot::PlotArguments;
-use crate::record::RecordArguments;
-use clap::{Args, Parser, Subcommand};
+use clap::{Parser, Subcommand};
 use residual_client::{DEFAULT_RUNTIME_DIRECTORY, InstanceName, RUNTIME_DIRECTORY_VARIABLE};
 
 use crate::alarms::AlarmOptions;
 use crate::ctl::ControlArguments;
+use crate::export::ExportTarget;
+use crate::generate::Generated;
+use crate::plot::PlotArguments;
+use crate::record::RecordArguments;
+use crate::watch::WatchOptions;
 
 /// What the program's end tells.
 pub const EXIT_CODES: &str = "\
@@ -56,8 +58,9 @@ pub enum Command {
     Ctl(ControlArguments),
     /// Shows every channel between its bounds, again and again.
     ///
-    /// On a terminal: a view that is drawn anew (q, Esc or Ctrl-C ends it). Otherwise: one line for each new
-    /// record; records that came and went between two looks are counted as missed.
+    /// On a terminal: a list of the diagnosers, and of each its channels with a live plot; the last line shows the
+    /// keys, q ends it. Otherwise: one line for each new record; records that came and went between two looks are
+    /// counted as missed.
     #[command(after_help = EXIT_CODES)]
     Watch {
         /// Name of the instance; may be left out if there is only one.
@@ -83,18 +86,7 @@ pub enum Command {
     /// Shows the alarm transitions, each once and in order; what is lost is shown as a gap.
     #[command(after_help = EXIT_CODES)]
     Alarms(AlarmOptions),
-}
-
-/// What to watch, and how long.
-#[derive(Debug, Args)]
-pub struct WatchOptions {
-    /// Watches this diagnoser only; may be given several times.
-    #[arg(long = "diagnoser", value_name = "NAME")]
-    pub diagnosers: Vec<String>,
-    /// Time between two looks, milliseconds.
-    #[arg(long, value_name = "MS", default_value_t = 200, value_parser = clap::value_parser!(u64).range(1..=3_600_000))]
-    pub interval: u64,
-    /// Ends after so many views, or lines.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
-    pub count: Option<u64>,
+    /// Writes shell completions or man pages.
+    #[command(subcommand, hide = true)]
+    Generate(Generated),
 }

@@ -81,6 +81,14 @@ pub enum Error {
     /// Signal handlers cannot be installed.
     #[error("cannot install signal handlers: {0}")]
     Signals(io::Error),
+    /// The man pages cannot be written.
+    #[error("cannot write man pages to {}: {source}", directory.display())]
+    ManPages {
+        /// The directory.
+        directory: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
     /// The output cannot be written.
     #[error("cannot write the output: {0}")]
     Output(#[from] io::Error),
@@ -111,6 +119,7 @@ impl Error {
             | Self::Chart(_)
             | Self::Listen { .. }
             | Self::Signals(_)
+            | Self::ManPages { .. }
             | Self::Output(_) => FAILURE,
         }
     }

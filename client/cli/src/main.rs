@@ -5,6 +5,7 @@ mod arguments;
 mod ctl;
 mod error;
 mod export;
+mod generate;
 mod instances;
 mod number;
 mod plot;
@@ -43,7 +44,8 @@ fn run(arguments: &Arguments) -> Result<u8, Error> {
         Command::Export { target } => export::run(target, &arguments.runtime_directory),
         Command::Record(options) => record::run(options, &arguments.runtime_directory),
         Command::Ctl(control) => ctl::run(control, &arguments.runtime_directory),
-        Command::Watch { instance, options } => watch::run(&mut open(instance)?, options),
+        Command::Watch { instance, options } => watch::run(&choose(instance)?, options),
         Command::Alarms(options) => alarms::run(&choose(&options.instance)?, options),
+        Command::Generate(generated) => generate::run(generated, &mut std::io::stdout().lock()),
     }
 }

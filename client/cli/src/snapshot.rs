@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use residual_client::{
-    Channel, ChannelSpec, DaemonState, Freshness, InputCounters, Monitor, Reading, ScheduleCounters,
-    SlotSpec, StepRecord, TableReader, Verdict, flags, monotonic_ns,
+    AlarmState, Channel, ChannelSpec, DaemonState, Freshness, InputCounters, Monitor, Reading,
+    ScheduleCounters, SlotSpec, StepRecord, TableReader, Verdict, alarm_flags, flags, monotonic_ns,
 };
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use crate::error::Error;
 use crate::number::Number;
@@ -15,10 +15,12 @@ use crate::number::Number;
 #[derive(Debug, Serialize)]
 pub struct Snapshot {
     pub instance: String,
-    /// `running`, `hung` or `closed`.
+    /// `running`, `hung`, `closed`, or `unreachable`: its newest table cannot be opened.
     pub daemon: &'static str,
     pub pid: u32,
     pub epoch: u64,
+    /// The moment, nanoseconds of the daemon's time.
+    pub now_ns: u64,
     pub diagnosers: Vec<DiagnoserView>,
     pub inputs: Vec<InputView>,
 }
@@ -43,8 +45,24 @@ pub struct DiagnoserView {
     pub worst_channel: Option<ChannelView>,
     pub channels: Vec<ChannelView>,
     pub counters: BTreeMap<&'static str, u64>,
+    pub alarm: AlarmView,
     #[serde(skip)]
     pub condition: Condition,
+}
+
+/// Where the alarm of a diagnoser stands.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct AlarmView {
+    #[serde(serialize_with = "name_of_state")]
+    pub state: AlarmState,
+    /// How often it has been raised.
+    pub occurrences: u64,
+    /// It stays until it is acknowledged.
+    pub is_latched: bool,
+}
+
+fn name_of_state<S: Serializer>(state: &AlarmState, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(state.name())
 }
 
 /// What a diagnoser means for the whole.
@@ -84,7 +102,8 @@ impl Snapshot {
         let daemon = match monitor.state() {
             DaemonState::Running => "running",
             DaemonState::Hung(_) => "hung",
-            DaemonState::Closed | DaemonState::Unreachable(_) | DaemonState::Unknown => "closed",
+            DaemonState::Closed | DaemonState::Unknown => "closed",
+            DaemonState::Unreachable(_) => "unreachable",
         };
         let Some(table) = monitor.table() else {
             return Ok(None);
@@ -97,6 +116,7 @@ impl Snapshot {
             daemon,
             pid: directory.pid,
             epoch: directory.epoch,
+            now_ns: directory.spec.time.from_monotonic(monotonic_ns()),
             diagnosers: diagnosers.collect::<Result<_, _>>()?,
             inputs: inputs.collect::<Result<_, _>>()?,
         }))
@@ -108,6 +128,7 @@ impl DiagnoserView {
         let mut record = StepRecord::new(0);
         let reading = Reading::take(table, slot, &mut record, monotonic_ns())?;
         let counters = table.read_schedule_counters(slot)?;
+        let alarm = table.read_alarm_status(slot)?;
         let spec = &table.directory().spec.slots[slot];
         let channels: Vec<_> = spec
             .channels
@@ -147,6 +168,14 @@ impl DiagnoserView {
                 .copied()
                 .zip(counters.to_words())
                 .collect(),
+            alarm: AlarmView {
+                state: u32::try_from(alarm.state)
+                    .ok()
+                    .and_then(AlarmState::from_number)
+                    .unwrap_or_default(),
+                occurrences: alarm.occurrences,
+                is_latched: alarm.flags & u64::from(alarm_flags::LATCHED) != 0,
+            },
             condition: match (has_fault, reading.freshness, record.verdict()) {
                 (true, ..) => Condition::Faulty,
                 (false, Freshness::Fresh, Verdict::Nominal) => Condition::Sound,

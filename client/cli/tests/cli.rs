@@ -1,115 +1,18 @@
 //! The binary against a bounds table that the test writes.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-use std::fs::File;
-use std::io::{BufRead, BufReader, Read, Write};
-use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+mod support;
+
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-use residual_shared::bounds_table::{Access, ChannelSpec, InputSpec, SlotSpec, TableSpec, TableWriter};
-use residual_shared::clock::{DaemonTime, monotonic_ns};
 use residual_shared::counters::{InputCounters, ScheduleCounters};
 use residual_shared::names::Instance;
-use residual_shared::record::{Channel, StepRecord, Verdict};
+use residual_shared::record::{Channel, Verdict};
 use serde_json::Value;
-use tempfile::TempDir;
 
-struct Daemon {
-    directory: TempDir,
-    writer: TableWriter,
-}
-
-impl Daemon {
-    /// A daemon with the diagnosers `front` (two channels) and `rear` (none), and the input `imu`.
-    fn start() -> Self {
-        let directory = tempfile::Builder::new()
-            .prefix("residuald-test-")
-            .tempdir_in("/dev/shm")
-            .unwrap();
-        let writer = Self::create(directory.path(), "test");
-        Self { directory, writer }
-    }
-
-    fn create(directory: &Path, name: &str) -> TableWriter {
-        let channel = |name: &str, unit: &str| ChannelSpec {
-            name: name.into(),
-            unit: unit.into(),
-        };
-        let slot = |name: &str, channels| SlotSpec {
-            name: name.into(),
-            method: "chi_square".into(),
-            period_ns: 10_000_000_000,
-            phase_ns: 0,
-            margin_ns: 0,
-            channels,
-            faults: vec!["pump".into(), "valve".into()],
-        };
-        let spec = TableSpec {
-            instance: name.into(),
-            slots: vec![
-                slot("front", vec![channel("force", "N"), channel("yaw", "rad/s")]),
-                slot("rear", vec![]),
-            ],
-            inputs: vec![InputSpec {
-                name: "imu".into(),
-                signals: vec!["ax".into()],
-            }],
-            time: DaemonTime::MONOTONIC,
-            schedule_epoch_ns: 0,
-            stale_after_periods: 100,
-            alarm_capacity: 64,
-        };
-        let path = Instance::new(name.parse().unwrap(), directory).bounds_path();
-        TableWriter::create(
-            &path,
-            &spec,
-            &Access {
-                group: None,
-                mode: 0o600,
-            },
-        )
-        .unwrap()
-    }
-
-    fn publish(&mut self, slot: usize, step: u64, verdict: Verdict, channels: &[Channel]) {
-        let mut record = StepRecord::new(channels.len());
-        record.step = step;
-        record.instant_ns = monotonic_ns();
-        record.verdict = verdict as u32;
-        record.certainly_faulty = 0b10;
-        record.possibly_faulty = 0b11;
-        record.channels_mut().copy_from_slice(channels);
-        self.writer.publish(slot, &record);
-    }
-
-    fn publish_nominal(&mut self) {
-        self.publish(0, 1, Verdict::Nominal, &NOMINAL);
-        self.publish(1, 1, Verdict::Nominal, &[]);
-    }
-
-    fn command(&self, arguments: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_residual"));
-        command
-            .args(arguments)
-            .env("RESIDUALD_RUNTIME_DIRECTORY", self.directory.path());
-        command
-    }
-
-    fn run(&self, arguments: &[&str]) -> Output {
-        self.command(arguments).output().unwrap()
-    }
-}
-
-const NOMINAL: [Channel; 2] = [
-    Channel {
-        lower: -2.0,
-        residual: 0.5,
-        upper: 2.0,
-        ratio: 0.25,
-    },
-    Channel::NOT_EVALUATED,
-];
+use support::{Daemon, NOMINAL};
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).unwrap()
@@ -182,6 +85,8 @@ fn json_has_every_channel_with_null_and_strings_for_numbers_it_cannot_hold() {
     assert_eq!(front["channels"][0]["residual"], 1.0);
     assert_eq!(front["channels"][1]["ratio"], Value::Null);
     assert_eq!(front["fault_estimate"], Value::Null);
+    assert_eq!(front["alarm"]["state"], "cleared");
+    assert_eq!(front["alarm"]["occurrences"], 0);
     assert_eq!(front["worst_channel"]["name"], "force");
     assert_eq!(json["inputs"][0]["counters"]["accepted"], 0);
     assert_eq!(output.status.code(), Some(0));
@@ -386,73 +291,4 @@ fn a_reader_of_the_pipe_that_leaves_ends_watch_quietly() {
         .read_to_string(&mut message)
         .unwrap();
     assert_eq!((status.code(), message.as_str()), (Some(0), ""));
-}
-
-/// Runs `watch` on a terminal of its own, sends it `keys` after its first view, and gives all that it drew.
-fn watch_on_a_terminal(daemon: &Daemon, options: &[&str], keys: &[u8]) -> String {
-    use nix::pty::openpty;
-    use nix::sys::termios::tcgetattr;
-
-    let terminal = openpty(None, None).unwrap();
-    let before = tcgetattr(&terminal.slave).unwrap();
-    let side = || Stdio::from(terminal.slave.try_clone().unwrap());
-    let mut command = daemon.command(&["watch"]);
-    let child = command
-        .args(options)
-        .stdin(side())
-        .stdout(side())
-        .stderr(side())
-        .spawn()
-        .unwrap();
-    drop(command);
-    let mut child = Watching(child);
-    let mut master = File::from(terminal.master);
-    let mut drawn = Vec::new();
-    let mut chunk = [0; 4096];
-    let mut is_sent = keys.is_empty();
-    // The alternate screen is left last: nothing is read after it, so that the end cannot block.
-    while !text_lossy(&drawn).contains("\x1b[?1049l") {
-        let count = master.read(&mut chunk).unwrap();
-        drawn.extend_from_slice(&chunk[..count]);
-        if !is_sent && text_lossy(&drawn).contains("yaw") {
-            master.write_all(keys).unwrap();
-            is_sent = true;
-        }
-    }
-    assert_eq!(child.0.wait().unwrap().code(), Some(0));
-    assert_eq!(
-        tcgetattr(&terminal.slave).unwrap(),
-        before,
-        "the terminal was not restored"
-    );
-    text_lossy(&drawn)
-}
-
-fn text_lossy(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-#[test]
-fn watch_on_a_terminal_draws_bars_and_restores_the_terminal_on_ctrl_c() {
-    let mut daemon = Daemon::start();
-    daemon.publish_nominal();
-    let begin = Instant::now();
-    let drawn = watch_on_a_terminal(&daemon, &["--interval", "20", "--count", "500"], b"\x03");
-    assert!(
-        begin.elapsed() < Duration::from_secs(8),
-        "ended by its count only"
-    );
-    assert!(
-        drawn.contains("\x1b[?1049h") && drawn.contains("\x1b[?25h"),
-        "{drawn}"
-    );
-    assert!(drawn.contains("front (chi_square): fresh, nominal"), "{drawn}");
-    assert!(drawn.contains("█████···"), "a quarter of the bar: {drawn}");
-}
-
-#[test]
-fn watch_on_a_terminal_ends_by_its_count() {
-    let mut daemon = Daemon::start();
-    daemon.publish_nominal();
-    watch_on_a_terminal(&daemon, &["--interval", "5", "--count", "2"], b"");
 }

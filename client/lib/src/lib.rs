@@ -137,8 +137,15 @@ pub use residual_shared::counters::{AlarmStatus, InputCounters, ScheduleCounters
 pub use residual_shared::names::{
     DEFAULT_RUNTIME_DIRECTORY, Instance, InstanceName, InstanceNameError, RUNTIME_DIRECTORY_VARIABLE,
 };
-pub use residual_shared::record::{Channel, StepRecord, Verdict, fault_names, flags};
+pub use residual_shared::record::{
+    Channel, MAX_CHANNELS, MAX_FAULTS, StepRecord, Verdict, fault_names, flags,
+};
 #[cfg(feature = "transport")]
 pub use residual_shared::transport::{RecordHeader, RequestError, TransportError};
 #[cfg(feature = "transport")]
 pub use step_records::{RecordCounts, StepRecords};
+
+/// What the project's front page shows of Rust compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../../../README.md")]
+struct FrontPage;

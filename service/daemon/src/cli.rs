@@ -10,16 +10,22 @@ use miette::{IntoDiagnostic, Report};
 #[cfg(feature = "synthesis")]
 use crate::commands::identify;
 use crate::commands::run::RunOptions;
-use crate::commands::{check, design, explain, replay, run};
+use crate::commands::{check, design, explain, generate, replay, run};
 use crate::configuration::Configuration;
 use crate::demo::conductor::DemoArguments;
 use crate::demo::publisher::PublisherArguments;
 use crate::demo::{Part, client, conductor, publisher};
 use crate::logging;
 
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  done; `check`: the configuration is valid; `demo`: the right fault was isolated and there was no false alarm
+  1  it failed, or the configuration or the recording was refused; the message says why and where
+  2  wrong usage";
+
 /// Fault-diagnosis monitor for vehicle computers.
 #[derive(Debug, Parser)]
-#[command(name = "residuald", version, propagate_version = true)]
+#[command(name = "residuald", version, propagate_version = true, after_help = EXIT_CODES)]
 pub struct CommandLine {
     /// What to do.
     #[command(subcommand)]
@@ -76,6 +82,9 @@ pub enum Command {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         arguments: Vec<std::ffi::OsString>,
     },
+    /// Write shell completions or man pages.
+    #[command(subcommand, hide = true)]
+    Generate(generate::Generated),
     /// The publisher of the demonstration.
     #[command(hide = true)]
     DemoPublisher(PublisherArguments),
@@ -105,6 +114,7 @@ impl CommandLine {
                 help = "use a program with the default features, for instance `cargo install --path service/daemon`",
                 "this program was built without the feature `synthesis`: it has no solver and cannot identify"
             )),
+            Command::Generate(generated) => generate::execute(&generated, &mut io::stdout().lock()),
             Command::DemoPublisher(arguments) => publisher::execute(&arguments).into_diagnostic(),
             Command::DemoClient(arguments) => {
                 client::execute(&arguments, &mut io::stdout().lock()).into_diagnostic()

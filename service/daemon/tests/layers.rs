@@ -7,11 +7,12 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Each crate of the workspace and those it may use.
-const ALLOWED: [(&str, &[&str]); 9] = [
+const ALLOWED: [(&str, &[&str]); 10] = [
     ("residual-shared", &[]),
     ("residual-diagnosis", &["residual-shared"]),
     ("residual-synthesis", &["residual-diagnosis", "residual-shared"]),
     ("residual-client", &["residual-shared"]),
+    ("residual-client-c", &["residual-client"]),
     ("residual-recording", &["residual-client", "residual-shared"]),
     ("residual-chart", &[]),
     (
@@ -133,7 +134,7 @@ fn the_daemon_without_synthesis_holds_no_solver() {
 
 #[test]
 fn mathematics_and_clients_are_built_without_iceoryx2() {
-    for package in ["residual-diagnosis", "residual-client"] {
+    for package in ["residual-diagnosis", "residual-client", "residual-client-c"] {
         let tree = cargo(&["tree", "-p", package, "-e", "normal", "--prefix", "none"]);
         assert!(tree.contains("residual-shared"), "{tree}");
         assert!(!tree.contains("iceoryx2"), "`{package}` pulls iceoryx2:\n{tree}");

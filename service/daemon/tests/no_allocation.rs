@@ -198,7 +198,7 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_resets_and_comman
         sleep_until_monotonic(time.to_monotonic(instant_ns));
         send(&mut drivers, &mut aircraft, k, instant_ns);
         match k % (2 * COURSE) {
-            ACKNOWLEDGED => commands.send(ticket, Command::Acknowledge(0)),
+            ACKNOWLEDGED => commands.send(ticket, Command::Acknowledge(0, None)),
             RESET => {
                 commands.send(ticket, Command::Reset(0));
                 commands.send(ticket, Command::Reset(1));

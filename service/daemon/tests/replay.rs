@@ -62,14 +62,19 @@ fn replay(stage: &Stage, recording: &Path, arguments: &[&str]) -> Finished {
     finish(command.args(arguments))
 }
 
-/// Replays into a file; gives what was printed and the file's path.
+/// Replays into a file, and the alarms into one beside it with the extension `alarms`; gives what was printed and
+/// the file's path.
 fn replay_into(stage: &Stage, recording: &Path, name: &str, arguments: &[&str]) -> (String, PathBuf) {
     let path = stage.files.path().join(name);
-    let records = path.display().to_string();
-    let arguments = [&["--records", &records], arguments].concat();
+    let (records, alarms) = (path.display().to_string(), alarms_of(&path).display().to_string());
+    let arguments = [&["--records", &records, "--alarms", &alarms], arguments].concat();
     let finished = replay(stage, recording, &arguments);
     assert_eq!(finished.code, Some(0), "{}", finished.messages);
     (finished.output, path)
+}
+
+fn alarms_of(records: &Path) -> PathBuf {
+    records.with_extension("alarms")
 }
 
 /// Adds diagnosers of the same plant with other periods and phases.
@@ -89,6 +94,8 @@ fn add_diagnosers(stage: &mut Stage) {
 /// Replays through a daemon, until nothing was late, and compares with the files of the replay in one process.
 fn assert_the_same_through_a_daemon(stage: &Stage, recording: &Path, files: &[PathBuf]) {
     for _ in 0..3 {
+        // A daemon goes on with the alarms of its predecessor, a replay in one process has none.
+        let _ = fs::remove_file(stage.instance.bounds_path());
         let mut daemon = Daemon::spawn(stage, &["--speed", SPEED]);
         daemon.wait_ready();
         let arguments = ["--through-daemon", "--speed", SPEED];
@@ -143,7 +150,22 @@ fn two_replays_in_this_process_write_the_same_bytes_and_find_the_fault() {
     // Through iceoryx2 to a daemon, the same bytes again.
     let local = stage.files.path().join("local.csv");
     fs::rename(&first, &local).unwrap();
-    assert_the_same_through_a_daemon(&stage, &recording, &[local]);
+    fs::rename(alarms_of(&first), alarms_of(&local)).unwrap();
+    let alarms = fs::read_to_string(alarms_of(&local)).unwrap();
+    let transitions: Vec<Vec<&str>> = alarms
+        .lines()
+        .skip(1)
+        .map(|line| line.split(',').collect())
+        .collect();
+    let steps_and_states: Vec<_> = transitions.iter().map(|cells| (cells[2], cells[4])).collect();
+    // Two violations raise it.
+    assert_eq!(
+        steps_and_states[..3],
+        [("102", "pending"), ("103", "raised"), ("103", "isolated")]
+    );
+    assert_eq!(transitions[2][8], "collective_pitch");
+    assert!(said.contains("alarm raised 1 times, cleared 0 times"), "{said}");
+    assert_the_same_through_a_daemon(&stage, &recording, &[alarms_of(&local), local]);
 }
 
 #[test]
@@ -164,7 +186,7 @@ fn diagnosers_with_other_periods_and_phases_write_the_same_bytes_both_ways() {
             "{said}"
         );
     }
-    assert_the_same_through_a_daemon(&stage, &recording, &files);
+    assert_the_same_through_a_daemon(&stage, &recording, &[files, vec![alarms_of(&path)]].concat());
 }
 
 #[test]

@@ -187,7 +187,8 @@ pub const HASH: u64 = {
 /// Where an FNV-1a hash begins.
 pub const FNV_START: u64 = 0xcbf2_9ce4_8422_2325;
 
-const FNV_PRIME: u64 = 0x0000_0100_0000_01b3;
+/// Its factor.
+pub const FNV_PRIME: u64 = 0x0000_0100_0000_01b3;
 
 /// FNV-1a over words instead of bytes, going on from `hash`.
 pub const fn fnv(mut hash: u64, words: &[u64]) -> u64 {

@@ -1,4 +1,4 @@
-//! The file as an array of words in memory. The only unsafe code of the project is here.
+//! The file as an array of words in memory. The only unsafe code of this crate is here.
 #![allow(unsafe_code)]
 
 use std::fs::File;

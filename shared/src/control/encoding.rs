@@ -14,7 +14,8 @@ pub const VERSION: u32 = 1;
 pub const MAX_REQUEST_BYTES: usize = 4096;
 
 /// Longest answer. A description of a diagnoser with all of its 64 channels and 64 faults, each with the longest
-/// name, and a page of the list stay well below; 64 KiB times the answers on the way (16) is 1 MiB of shared memory.
+/// name, and a page of the list stay well below; iceoryx2 keeps room for 48 answers of 8 clients, so the service takes 3 MiB
+/// of shared memory.
 pub const MAX_ANSWER_BYTES: usize = 65_536;
 
 const VERSION_BYTES: usize = size_of::<u32>();

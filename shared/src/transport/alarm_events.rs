@@ -143,9 +143,9 @@ impl AlarmEvents {
             }
         };
         let waited = if timeout.is_zero() {
-            (self.listener).try_wait(|activation| hand(activation.id, activation.count as u64))
+            (self.listener).try_wait(|activation| hand(activation.id, activation.count))
         } else {
-            (self.listener).timed_wait(|activation| hand(activation.id, activation.count as u64), timeout)
+            (self.listener).timed_wait(|activation| hand(activation.id, activation.count), timeout)
         };
         waited.map_err(|error| refused(&self.service, error)).map(drop)
     }

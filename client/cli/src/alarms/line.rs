@@ -95,7 +95,8 @@ impl<'a> Transition<'a> {
         let verdict = Verdict::from_number(transition.verdict).unwrap_or(Verdict::NotEvaluated);
         Self {
             number: transition.number.to_string(),
-            time: wall_clock(transition.written_ns),
+            // It fails for years above 9999 only.
+            time: wall_clock(transition.written_ns).format(TIME).unwrap_or_default(),
             written_ns: transition.written_ns,
             instant_ns: transition.instant_ns,
             step: transition.step,
@@ -138,12 +139,10 @@ const TIME: &[BorrowedFormatItem<'static>] =
     format_description!("[year]-[month]-[day]T[hour]:[minute]:[second].[subsecond digits:3]Z");
 
 /// A moment of CLOCK_MONOTONIC on the wall clock (UTC), as that goes now.
-fn wall_clock(written_ns: u64) -> String {
+pub fn wall_clock(written_ns: u64) -> OffsetDateTime {
     let age = Duration::from_nanos(monotonic_ns().saturating_sub(written_ns));
     let moment = SystemTime::now()
         .checked_sub(age)
         .unwrap_or(SystemTime::UNIX_EPOCH);
-    let moment = OffsetDateTime::from(moment).to_offset(UtcOffset::UTC);
-    // It fails for years above 9999 only.
-    moment.format(TIME).unwrap_or_default()
+    OffsetDateTime::from(moment).to_offset(UtcOffset::UTC)
 }

@@ -14,6 +14,7 @@ use residual_client::{
 };
 
 use crate::error::{Error, NO_DAEMON};
+pub use line::wall_clock;
 
 /// How long one wait lasts; nothing depends on it, events end it.
 const WAIT: Duration = Duration::from_secs(1);

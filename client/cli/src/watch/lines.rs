@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use residual_client::Monitor;
 
-use crate::arguments::WatchOptions;
+use super::WatchOptions;
 use crate::error::Error;
 use crate::snapshot::{DiagnoserView, Snapshot};
 use crate::status::faults;
@@ -28,7 +28,8 @@ pub fn run(monitor: &mut Monitor, options: &WatchOptions) -> Result<u8, Error> {
     let mut output = io::stdout().lock();
     loop {
         if let Some(snapshot) = Snapshot::take(monitor)? {
-            for diagnoser in options.watched(&snapshot) {
+            let watched = |diagnoser: &&DiagnoserView| options.is_watched(diagnoser);
+            for diagnoser in snapshot.diagnosers.iter().filter(watched) {
                 let now = Seen {
                     epoch: snapshot.epoch,
                     record: diagnoser.record,

@@ -74,6 +74,13 @@ fn daemon(lines: &mut Lines, daemon: &DaemonSection) {
     lines.entry("catch-up limit", format!("{} steps", daemon.catch_up_limit));
     lines.entry("record queue", format!("{} records", daemon.record_queue));
     lines.entry("alarm ring", format!("{} transitions", daemon.alarm_capacity));
+    if let Some(path) = &daemon.checkpoint_file {
+        let when = match daemon.checkpoint_period_ns {
+            Some(period_ns) => format!("every {} s and at the stop", period_ns as f64 * 1e-9),
+            None => "at the stop".to_owned(),
+        };
+        lines.entry("checkpoint", format!("{}, {when}", path.display()));
+    }
     lines.entry("log", &daemon.log);
     lines.entry(
         "gains",
@@ -156,7 +163,9 @@ fn diagnoser(
         lines.entry(name, value);
     }
     achieved(lines, &built.achieved);
-    lifecycle(lines, diagnoser, &built.achieved, inputs);
+    for (name, value) in lifecycle(diagnoser, &built.achieved, inputs) {
+        lines.entry(name, value);
+    }
     let channels: Vec<_> = description
         .channels
         .iter()

@@ -4,6 +4,7 @@ use residual_diagnosis::method::Designed;
 use residual_shared::control::{ChannelDescription, DiagnoserDescription};
 
 use super::achieved::summary;
+use super::lifecycle::lifecycle;
 use crate::configuration::{Configuration, DiagnoserConfiguration, InputConfiguration, SignalReference};
 
 /// All that stays constant over the life of each diagnoser, by slot.
@@ -32,6 +33,7 @@ fn description(
 ) -> DiagnoserDescription {
     let description = built.diagnoser.description();
     let notes = built.notes.iter().cloned();
+    let owned = |(name, value): (&str, String)| (name.to_owned(), value);
     DiagnoserDescription {
         name: diagnoser.name.clone(),
         method: description.method.into(),
@@ -51,10 +53,11 @@ fn description(
             })
             .collect(),
         faults: description.faults.clone(),
-        certificate: notes
-            .chain(summary(&built.achieved))
-            .map(|(name, value)| (name.to_owned(), value))
+        lifecycle: lifecycle(diagnoser, &built.achieved, inputs)
+            .into_iter()
+            .map(owned)
             .collect(),
+        certificate: notes.chain(summary(&built.achieved)).map(owned).collect(),
         warnings: built.warnings.clone(),
         ..DiagnoserDescription::default()
     }

@@ -3,25 +3,22 @@
 use super::achieved::{number, with_unit};
 use super::check::duration;
 use super::descriptions::signals;
-use super::lines::Lines;
 use crate::configuration::{DiagnoserConfiguration, EnableConfiguration, InputConfiguration};
 use residual_diagnosis::achieved::Achieved;
 
-/// The entries about the alarm of one diagnoser.
+/// What is to say about the alarm of one diagnoser: name and value.
 pub(super) fn lifecycle(
-    lines: &mut Lines,
     diagnoser: &DiagnoserConfiguration,
     achieved: &Achieved,
     inputs: &[InputConfiguration],
-) {
-    lines.entry("alarm", rules(diagnoser));
-    for condition in &diagnoser.lifecycle.enable {
-        lines.entry("enabled", enabled(condition, inputs));
-    }
-    lines.entry("raised within", delay(diagnoser));
-    for total in from_onset(diagnoser, achieved) {
-        lines.entry("from the onset", total);
-    }
+) -> Vec<(&'static str, String)> {
+    let mut entries = vec![("alarm", rules(diagnoser))];
+    let conditions = diagnoser.lifecycle.enable.iter();
+    entries.extend(conditions.map(|condition| ("enabled", enabled(condition, inputs))));
+    entries.push(("raised within", delay(diagnoser)));
+    let totals = from_onset(diagnoser, achieved).into_iter();
+    entries.extend(totals.map(|total| ("from the onset", total)));
+    entries
 }
 
 fn rules(diagnoser: &DiagnoserConfiguration) -> String {

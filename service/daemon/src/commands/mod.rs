@@ -5,6 +5,7 @@ pub mod check;
 pub(crate) mod descriptions;
 pub mod design;
 pub mod explain;
+pub mod generate;
 #[cfg(feature = "synthesis")]
 pub mod identify;
 mod lifecycle;

@@ -10,8 +10,8 @@ use residual_diagnosis::method::{Designed, Refusal};
 pub(super) fn channels_exist(diagnoser: &DiagnoserConfiguration, designed: &Designed) -> Result<(), Refusal> {
     let description = designed.diagnoser.description();
     for (index, condition) in diagnoser.lifecycle.enable.iter().enumerate() {
-        let names = condition.channels.iter().flatten().enumerate();
-        for (place, name) in names.filter(|(_, name)| channel(description, name).is_none()) {
+        let mut names = condition.channels.iter().flatten().enumerate();
+        if let Some((place, name)) = names.find(|(_, name)| channel(description, name).is_none()) {
             let known: Vec<_> = description.channels.iter().map(|channel| &channel.name).collect();
             let help = did_you_mean(name, &known, "channels");
             return Err(Refusal {

@@ -110,6 +110,11 @@ impl Lifecycle {
         [first, second].into_iter().flatten()
     }
 
+    /// How often the alarm has been raised.
+    pub fn occurrences(&self) -> u64 {
+        self.state.occurrences
+    }
+
     /// Somebody has seen the alarm: it is marked acknowledged, and cleared if only the latch still held it.
     ///
     /// None if no fault is reported or it is acknowledged already.

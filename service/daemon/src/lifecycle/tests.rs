@@ -21,7 +21,7 @@ const VERDICTS: [Verdict; 6] = [
 
 #[derive(Clone, Debug)]
 enum Event {
-    Step(Instant),
+    Step(Box<Instant>),
     Acknowledge,
     Reset,
 }
@@ -81,7 +81,7 @@ fn any_event() -> impl Strategy<Value = Event> {
                 let mut instant = instant(VERDICTS[verdict], &ratios, faulty);
                 instant.enabled = enabled;
                 instant.record.skipped_instants = skipped;
-                Event::Step(instant)
+                Event::Step(Box::new(instant))
             },
         );
     prop_oneof![30 => step, 1 => Just(Event::Acknowledge), 1 => Just(Event::Reset)]
@@ -121,7 +121,7 @@ proptest! {
         for (number, event) in events.iter().enumerate() {
             let changes = changes_of(&mut lifecycle, event);
             let expected = match event {
-                Event::Step(instant) => reference.advance(*instant),
+                Event::Step(instant) => reference.advance(**instant),
                 Event::Acknowledge => reference.acknowledge().into_iter().collect(),
                 Event::Reset => reference.reset().into_iter().collect(),
             };

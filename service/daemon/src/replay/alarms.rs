@@ -5,10 +5,9 @@ use std::path::{Path, PathBuf};
 
 use residual_diagnosis::diagnoser::Description;
 use residual_shared::alarm::AlarmTransition;
-use residual_shared::record::Verdict;
+use residual_shared::record::{Verdict, fault_names};
 
 use super::records::WriteError;
-use residual_shared::record::fault_names;
 
 const COLUMNS: [&str; 14] = [
     "run",

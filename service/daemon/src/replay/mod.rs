@@ -14,8 +14,8 @@
 //! | [`loss`] | packet loss put into a replay |
 //! | [`mapping`] | recording → timed samples of the configured inputs |
 //! | [`records`] | step records to CSV |
-//! | [`recorded`], [`comparison`] | an MCAP recording, and whether its records come out again |
 //! | [`alarms`] | alarm transitions to CSV |
+//! | [`recorded`], [`comparison`] | an MCAP recording, and whether its records come out again |
 //! | [`sequences`] | a run as one diagnoser would see it |
 //! | [`outcome`] | what the records of a run say: false alarms, detection, isolation |
 //! | [`report`] | the outcomes in words, run by run and in total |

@@ -86,6 +86,7 @@ pub fn median(mut delays: Vec<u64>) -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lifecycle::{Change, transition};
 
     fn record(instant_ns: u64, verdict: Verdict, alarm: bool) -> StepRecord {
         StepRecord {
@@ -134,6 +135,41 @@ mod tests {
         records.push(record(4, Verdict::Nominal, false));
         records.push(record(5, Verdict::Fault, true));
         assert_eq!(outcome(&records, Some(2)).detected_ns, Some(5));
+    }
+
+    #[test]
+    fn alarms_are_counted_and_the_first_one_raised_by_the_fault_is_remembered() {
+        use AlarmState::{Cleared, Isolated, Pending, Raised};
+        let nothing = StepRecord::new(1);
+        let states = [
+            (1, Raised),
+            (2, Cleared),
+            (3, Pending),
+            (5, Pending),
+            (6, Raised),
+            (7, Isolated),
+            (9, Cleared),
+        ];
+        let mut outcome = Outcome::default();
+        for (at_ns, state) in states {
+            let change = Change {
+                state,
+                flags: 0,
+                occurrence: 0,
+            };
+            outcome.take_alarm(&transition(0, &nothing, &change), at_ns, Some(4));
+        }
+        // An acknowledgement is no new alarm.
+        let acknowledged = Change {
+            state: Raised,
+            flags: alarm_flags::ACKNOWLEDGED,
+            occurrence: 0,
+        };
+        outcome.take_alarm(&transition(0, &nothing, &acknowledged), 10, Some(4));
+        assert_eq!(
+            (outcome.raised, outcome.cleared, outcome.raised_ns),
+            (2, 2, Some(6))
+        );
     }
 
     #[test]

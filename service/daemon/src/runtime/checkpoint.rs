@@ -14,7 +14,7 @@ use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use tempfile::NamedTempFile;
+use tempfile::Builder;
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::snapshot::encoding;
@@ -125,7 +125,15 @@ impl Checkpoint {
             Some(directory) if !directory.as_os_str().is_empty() => directory,
             _ => Path::new("."),
         };
-        let mut file = NamedTempFile::new_in(directory)?;
+        let name = path.file_name().ok_or(io::ErrorKind::InvalidFilename)?;
+        let mut temporary = name.to_owned();
+        temporary.push(".new");
+        // What a daemon that was killed while writing has left; there is one writer at a time.
+        let _ = fs::remove_file(directory.join(&temporary));
+        let mut file = Builder::new()
+            .prefix(&temporary)
+            .rand_bytes(0)
+            .tempfile_in(directory)?;
         file.write_all(&bytes)?;
         file.as_file().sync_all()?;
         file.persist(path)?;
@@ -218,6 +226,7 @@ mod tests {
         let mut checkpoint = checkpoint();
         for number in 0..2 {
             checkpoint.epoch_ns = number;
+            fs::write(directory.path().join("state.new"), "half a checkpoint").unwrap();
             checkpoint.write(&path).unwrap();
             assert_eq!(Checkpoint::read(&path).unwrap().unwrap(), checkpoint);
         }

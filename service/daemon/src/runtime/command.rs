@@ -31,8 +31,8 @@ pub struct Ticket(u64);
 pub enum Command {
     /// Return the diagnoser in this slot to the state right after its construction.
     Reset(usize),
-    /// Acknowledge the alarm of the diagnoser in this slot.
-    Acknowledge(usize),
+    /// Acknowledge the alarm of the diagnoser in this slot; with a number, only if it is this occurrence of it.
+    Acknowledge(usize, Option<u64>),
     /// Go on with a snapshot of all states.
     Save(Box<Snapshot>),
     /// Go on with another configuration.
@@ -113,7 +113,7 @@ pub struct CommandInbox {
 
 impl CommandInbox {
     /// The next command, if there is one and room for its reply.
-    pub fn next(&mut self) -> Option<(Ticket, Command)> {
+    pub fn take(&mut self) -> Option<(Ticket, Command)> {
         if self.replies.slots() == 0 {
             return None;
         }
@@ -134,7 +134,7 @@ mod tests {
     /// Takes the commands of one turn, as the step thread does.
     fn take(inbox: &mut CommandInbox, mut execute: impl FnMut(Command) -> Reply) {
         for _ in 0..COMMANDS_PER_TURN {
-            let Some((ticket, command)) = inbox.next() else {
+            let Some((ticket, command)) = inbox.take() else {
                 return;
             };
             inbox.reply(ticket, execute(command));
@@ -173,7 +173,7 @@ mod tests {
         let (mut sender, mut inbox) = channel();
         let ticket = sender.ticket();
         for _ in 0..2 * QUEUE {
-            sender.send(ticket, Command::Acknowledge(0));
+            sender.send(ticket, Command::Acknowledge(0, None));
         }
         let mut executed = 0;
         for _ in 0..QUEUE {

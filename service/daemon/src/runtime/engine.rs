@@ -131,6 +131,11 @@ impl Engine {
         self.agenda.refill(self.epoch_ns, steps);
     }
 
+    /// How often the alarm of the diagnoser in `slot` has been raised.
+    pub fn occurrences(&self, slot: usize) -> Option<u64> {
+        self.units.get(slot).map(|unit| unit.lifecycle.occurrences())
+    }
+
     /// Marks the alarm of the diagnoser in `slot` as seen by somebody, which ends a latch: see
     /// [`Lifecycle::acknowledge`](crate::lifecycle::Lifecycle::acknowledge). False if there was nothing to
     /// acknowledge; `None`: there is no such slot.

@@ -18,6 +18,8 @@ pub struct Life {
     /// Its time and its sampling instants: those of the earlier life, if it goes on from one.
     pub grid: Grid,
     checkpoint: Option<Checkpoint>,
+    /// Whether the time of the checkpoint is that of this life, so that states go on and not the alarms alone.
+    same_time: bool,
 }
 
 impl Checkpoint {
@@ -40,19 +42,21 @@ impl Life {
     /// The life that begins now, with a time of this `speed`: where the configured checkpoint says, if there is one
     /// and it is of use. What is not is told to the log.
     pub fn begin(daemon: &DaemonSection, speed: f64) -> Self {
-        let checkpoint = checkpoint(daemon).filter(|checkpoint| goes_on(checkpoint, daemon, speed));
+        let checkpoint = checkpoint(daemon);
+        let continued = checkpoint
+            .as_ref()
+            .filter(|checkpoint| has_this_time(checkpoint, daemon, speed));
         let time = DaemonTime {
-            origin_ns: checkpoint
-                .as_ref()
-                .map_or_else(monotonic_ns, |found| found.origin_ns),
+            origin_ns: continued.map_or_else(monotonic_ns, |checkpoint| checkpoint.origin_ns),
             speed,
         };
-        let epoch_ns = match &checkpoint {
+        let epoch_ns = match continued {
             Some(checkpoint) => checkpoint.epoch_ns,
             None => time.from_monotonic(time.origin_ns + HEAD_START_NS),
         };
         Self {
             grid: Grid { time, epoch_ns },
+            same_time: continued.is_some(),
             checkpoint,
         }
     }
@@ -67,8 +71,20 @@ impl Life {
         let path = running.configuration.daemon.checkpoint_file.as_deref();
         let file = path.unwrap_or_else(|| "".as_ref()).display();
         let (diagnosers, inputs) = split(checkpoint);
+        if !self.same_time {
+            for (slot, identity) in running.identities.diagnosers.iter().enumerate() {
+                if let Some(part) = part_of(identity, &checkpoint.diagnosers, &diagnosers) {
+                    engine.restore_only_alarm(slot, part);
+                }
+            }
+            return;
+        }
         if diagnosers.len() < checkpoint.diagnosers.len() {
             warn!("the states in the checkpoint {file} are damaged; starting afresh");
+            for slot in 0..running.identities.diagnosers.len() {
+                engine.begin_at(slot, now_ns);
+            }
+            return;
         }
         for (input, identity) in running.identities.inputs.iter().enumerate() {
             if let Some(part) = part_of(identity, &checkpoint.inputs, &inputs)
@@ -112,11 +128,19 @@ impl Life {
     }
 }
 
-/// The configured checkpoint, if there is one that can be read.
+/// The configured checkpoint, if there is one that can be read and is this instance's.
 fn checkpoint(daemon: &DaemonSection) -> Option<Checkpoint> {
     let path = daemon.checkpoint_file.as_deref()?;
     match Checkpoint::read(path) {
-        Ok(Some(checkpoint)) => Some(checkpoint),
+        Ok(Some(checkpoint)) if checkpoint.instance == daemon.instance.to_string() => Some(checkpoint),
+        Ok(Some(checkpoint)) => {
+            let instance = checkpoint.instance;
+            warn!(
+                "the checkpoint {} is of the instance `{instance}`; starting afresh",
+                path.display()
+            );
+            None
+        }
         Ok(None) => {
             info!("there is no checkpoint {} yet; starting afresh", path.display());
             None
@@ -128,16 +152,13 @@ fn checkpoint(daemon: &DaemonSection) -> Option<Checkpoint> {
     }
 }
 
-/// Whether a life can go on from a checkpoint; if not, the log is told why.
-fn goes_on(checkpoint: &Checkpoint, daemon: &DaemonSection, speed: f64) -> bool {
-    let instance = daemon.instance.to_string();
+/// Whether the time of a checkpoint goes on; if not, the log is told why.
+fn has_this_time(checkpoint: &Checkpoint, daemon: &DaemonSection, speed: f64) -> bool {
     let now = DaemonTime {
         origin_ns: checkpoint.origin_ns,
         speed,
     };
-    let reason = if checkpoint.instance != instance {
-        format!("it is of the instance `{}`", checkpoint.instance)
-    } else if checkpoint.boot_id != boot_id() {
+    let reason = if checkpoint.boot_id != boot_id() {
         "the machine was started since, and its clock began anew".into()
     } else if checkpoint.speed != speed {
         format!("the daemon's time ran with speed {} then", checkpoint.speed)
@@ -148,7 +169,7 @@ fn goes_on(checkpoint: &Checkpoint, daemon: &DaemonSection, speed: f64) -> bool 
     };
     let path = daemon.checkpoint_file.as_deref().unwrap_or_else(|| "".as_ref());
     warn!(
-        "starting afresh, not from the checkpoint {}: {reason}",
+        "only the alarms go on from the checkpoint {}, the diagnosers begin afresh: {reason}",
         path.display()
     );
     false

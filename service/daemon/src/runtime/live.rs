@@ -187,7 +187,7 @@ impl StepLoop<'_> {
     /// Does what the companion has asked for, when no step is due.
     fn obey(&mut self) {
         for _ in 0..COMMANDS_PER_TURN {
-            let Some((ticket, command)) = self.commands.next() else {
+            let Some((ticket, command)) = self.commands.take() else {
                 return;
             };
             let reply = self.execute(command);
@@ -200,7 +200,13 @@ impl StepLoop<'_> {
         match command {
             Command::Reset(slot) if engine.reset(slot, sink) => Reply::Reset,
             Command::Reset(_) => Reply::NoSuchSlot,
-            Command::Acknowledge(slot) => match engine.acknowledge(slot, sink) {
+            // Another one has come since, which nobody has seen.
+            Command::Acknowledge(slot, Some(seen))
+                if engine.occurrences(slot).is_some_and(|now| now != seen) =>
+            {
+                Reply::Acknowledged(false)
+            }
+            Command::Acknowledge(slot, _) => match engine.acknowledge(slot, sink) {
                 Some(acknowledged) => Reply::Acknowledged(acknowledged),
                 None => Reply::NoSuchSlot,
             },

@@ -192,6 +192,11 @@ fn a_daemon_section_that_cannot_work_is_refused() {
         "owner without rights": "mode = \"0640\"" => "mode = \"0440\"", 0, ["0440"], ["0600"];
         "stale at once": "stale_after_periods = 3" => "stale_after_periods = 0", 0, ["stale at once"], ["1 or more"];
         "no queue": "record_queue = 1024" => "record_queue = 0", 0, ["0 is no possible"], ["1 to 65536"];
+        "checkpoints without a file": "# checkpoint_period_s = 10.0" => "checkpoint_period_s = 10.0", 0,
+            ["a period for checkpoints but no file"], ["`checkpoint_file`"];
+        "checkpoints all the time":
+            "# checkpoint_file = \"vtol.state\"" => "checkpoint_file = \"vtol.state\"\ncheckpoint_period_s = 0.01 #", 1,
+            ["every 0.01 s is not possible"], ["0.1"];
         "log filter": "log = \"info\"" => "log = \"residuald=loud\"", 0, ["not a log filter"], ["debug"];
         "priority 0": "# fifo_priority = 50" => "fifo_priority = 0", 0, ["SCHED_FIFO"], ["1 to 99"];
         "priority 100": "# fifo_priority = 50" => "fifo_priority = 100", 0, ["100"], ["1 to 99"];

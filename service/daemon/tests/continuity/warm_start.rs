@@ -73,50 +73,43 @@ proptest! {
 
 #[test]
 fn instants_that_passed_are_skipped_as_they_are_by_an_engine_that_stood_still() {
-    let mut setup = Setup::all();
+    let mut all = Setup::all();
     // An engine that may not catch up skips all but the latest instant.
-    setup.configuration.daemon.catch_up_limit = 0;
+    all.configuration.daemon.catch_up_limit = 0;
     let samples = samples(3, 6);
-    let (mut standing, mut engine) = (setup.engine(), setup.engine());
-    let (mut expected, mut records) = (setup.records(), setup.records());
-    // Every period fits a whole number of times into a second.
-    let (stop_ns, go_on_ns) = (EPOCH_NS + 2 * SECOND_NS, EPOCH_NS + 3 * SECOND_NS);
-    for sample in samples.iter().filter(|sample| sample.now_ns < stop_ns) {
-        setup.feed(&mut standing, sample, &mut expected);
-        setup.feed(&mut engine, sample, &mut records);
-    }
-    let last_due_ns = stop_ns + setup.longest_margin_ns() + 1;
-    step_before(&mut standing, last_due_ns, &mut expected);
-    step_before(&mut engine, last_due_ns, &mut records);
-    let mut engine = restored(&setup, &snapshot(&engine), go_on_ns, |period_ns| {
-        SECOND_NS / period_ns - 1
-    });
-    expected.list.clear();
-    records.list.clear();
-    let next_due_ns = go_on_ns + setup.longest_margin_ns();
-    standing.step_due(next_due_ns, || 0, &mut expected);
-    step_before(&mut engine, next_due_ns + 1, &mut records);
-    for said in &expected.list {
-        assert!(said.record.skipped_instants > 0, "{}", said.diagnoser);
-    }
-    for sample in samples.iter().filter(|sample| sample.now_ns > next_due_ns) {
-        setup.feed(&mut standing, sample, &mut expected);
-        setup.feed(&mut engine, sample, &mut records);
-    }
-    let mut by_diagnoser = |name: &str| {
-        let own = |list: &mut Vec<crate::fixture::Said>| {
-            list.extract_if(.., |said| said.diagnoser == name)
-                .collect::<Vec<_>>()
-        };
-        (own(&mut records.list), own(&mut expected.list))
-    };
-    for diagnoser in &setup.configuration.diagnosers {
-        let (mut records, mut expected) = by_diagnoser(&diagnoser.name);
-        assert!(expected.len() > 5, "{}", diagnoser.name);
-        // The one engine was late, the other one was not.
-        records[0].record.flags = 0;
-        expected[0].record.flags = 0;
-        assert_same("after a gap", &records, &expected);
+    let inputs: Vec<usize> = (0..all.configuration.inputs.len()).collect();
+    for slot in 0..all.diagnosers.len() {
+        let setup = all.arranged(&inputs, &[slot]);
+        let margin_ns = setup.longest_margin_ns();
+        let (mut standing, mut engine) = (setup.engine(), setup.engine());
+        let (mut expected, mut records) = (setup.records(), setup.records());
+        // Every period fits a whole number of times into a second.
+        let (stop_ns, go_on_ns) = (EPOCH_NS + 2 * SECOND_NS, EPOCH_NS + 4 * SECOND_NS + margin_ns);
+        for sample in samples.iter().filter(|sample| sample.now_ns < stop_ns) {
+            setup.feed(&mut standing, sample, &mut expected);
+            setup.feed(&mut engine, sample, &mut records);
+        }
+        let done_ns = stop_ns + margin_ns + 1;
+        step_before(&mut standing, done_ns, &mut expected);
+        step_before(&mut engine, done_ns, &mut records);
+        let mut engine = restored(&setup, &snapshot(&engine), go_on_ns, |period_ns| {
+            2 * SECOND_NS / period_ns - 1
+        });
+        expected.list.clear();
+        records.list.clear();
+        standing.step_due(go_on_ns, || 0, &mut expected);
+        step_before(&mut engine, go_on_ns + 1, &mut records);
+        for sample in samples.iter().filter(|sample| sample.now_ns > go_on_ns) {
+            setup.feed(&mut standing, sample, &mut expected);
+            setup.feed(&mut engine, sample, &mut records);
+        }
+        assert!(expected.list.len() >= 2, "{}", expected.names[0]);
+        assert!(
+            expected.list[0].record.skipped_instants > 0,
+            "{}",
+            expected.names[0]
+        );
+        assert_same("after a gap", &records.list, &expected.list);
     }
 }
 
@@ -159,8 +152,11 @@ fn a_state_of_another_diagnoser_or_from_the_future_is_refused() {
             let refused = other.restore_diagnoser(slot, part, EPOCH_NS + SECOND_NS);
             assert!(refused.is_err(), "{place} in {slot}");
         }
-        let refused = other.restore_diagnoser(slot, parts[slot], EPOCH_NS);
-        assert_eq!(refused, Err(NoWarmStart::Damaged), "{slot}");
+        // Some have done no more than their first step.
+        if setup.configuration.diagnosers[slot].period_ns < SECOND_NS / 2 {
+            let refused = other.restore_diagnoser(slot, parts[slot], EPOCH_NS);
+            assert_eq!(refused, Err(NoWarmStart::Damaged), "{slot}");
+        }
     }
     assert!(!other.restore_input(0, parts[0]));
     assert!(!other.restore_input(99, parts[parts.len() - 1]));

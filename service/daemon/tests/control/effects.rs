@@ -1,12 +1,19 @@
 //! What each request brings about.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+
 use residual_client::{
-    AlarmNumber, ControlCounters, ControlError, Instance, RequestError, StepRecords, Verdict, flags,
+    AlarmNumber, AlarmState, ControlCounters, ControlError, Instance, RequestError, StepRecords, Verdict,
+    flags,
 };
+use residual_shared::clock::{monotonic_ns, sleep_until_monotonic};
 use toml::Value;
 
 use super::support::daemon::Daemon;
 use super::support::helper::Helper;
+use super::support::publisher::{Drivers, at_rest};
 use super::support::{DIAGNOSER, INPUTS, PERIOD_NS, Stage, wait_until};
 use super::{control, record};
 
@@ -186,13 +193,123 @@ fn the_log_shows_what_the_new_filter_lets_through_and_a_wrong_filter_changes_not
     daemon.stop();
 }
 
+/// A thread that publishes the aircraft at rest at 100 Hz. Its first actuator is stuck while it is told so.
+struct Vehicle {
+    stuck: Arc<AtomicBool>,
+    end: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Vehicle {
+    fn start(instance: &Instance) -> Self {
+        let (stuck, end) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
+        let (is_stuck, told, instance) = (Arc::clone(&stuck), Arc::clone(&end), instance.clone());
+        let thread = std::thread::spawn(move || {
+            let mut drivers = Drivers::open(&instance);
+            let start_ns = monotonic_ns();
+            for k in 0.. {
+                if told.load(Ordering::Relaxed) {
+                    break;
+                }
+                let stamp_ns = start_ns + k * PERIOD_NS;
+                sleep_until_monotonic(stamp_ns);
+                // An actuator that is stuck leaves it at rest whatever is commanded.
+                let command = if is_stuck.load(Ordering::Relaxed) {
+                    -2.0
+                } else {
+                    0.0
+                };
+                drivers.sensors.send(stamp_ns, &at_rest(k)).unwrap();
+                drivers.commands.send(stamp_ns, &[command, 0.0]).unwrap();
+            }
+        });
+        Self {
+            stuck,
+            end,
+            thread: Some(thread),
+        }
+    }
+
+    fn stick(&self, stuck: bool) {
+        self.stuck.store(stuck, Ordering::Relaxed);
+    }
+}
+
+impl Drop for Vehicle {
+    fn drop(&mut self) {
+        self.end.store(true, Ordering::Relaxed);
+        if let Some(Err(_)) = self.thread.take().map(JoinHandle::join) {
+            eprintln!("the publisher ended abnormally");
+        }
+    }
+}
+
 #[test]
-fn an_acknowledgement_is_counted_only_where_an_alarm_waits_for_it() {
-    let stage = Stage::new();
+fn an_acknowledgement_by_name_or_number_ends_a_latch_once_and_never_that_of_a_later_alarm() {
+    let mut stage = Stage::new();
+    stage.set_diagnoser("lifecycle", Value::Table("latch = true".parse().unwrap()));
     let daemon = Daemon::start(&stage);
     let control = control(&stage);
-    assert!(!control.acknowledge(DIAGNOSER).unwrap());
-    assert_eq!(control.acknowledge_all().unwrap(), 0);
+    let lifecycle = control.describe(DIAGNOSER).unwrap().lifecycle;
+    assert!(
+        lifecycle
+            .iter()
+            .any(|(_, value)| value.contains("once it is acknowledged")),
+        "{lifecycle:?}"
+    );
+
+    assert!(!control.acknowledge(DIAGNOSER).unwrap(), "there is no alarm yet");
+    let vehicle = Vehicle::start(&stage.instance);
+    wait_until("samples", || stage.input_counters(0).accepted > 50);
+    let state = || stage.table().read_alarm_status(0).unwrap();
+    let fault = || {
+        vehicle.stick(true);
+        wait_until("an isolated fault", || {
+            state().state == AlarmState::Isolated as u64
+        });
+        vehicle.stick(false);
+        let mut records = StepRecords::open(&stage.instance).unwrap();
+        record(&mut records, "a nominal record", |record| {
+            record.verdict() == Verdict::Nominal
+        });
+        assert_eq!(state().state, AlarmState::Isolated as u64, "it is latched");
+        AlarmNumber {
+            epoch: stage.table().directory().epoch,
+            number: state().number,
+        }
+    };
+    let first = fault();
+    assert!(control.acknowledge_number(first).unwrap());
+    wait_until("the end of the alarm", || {
+        state().state == AlarmState::Cleared as u64
+    });
+    assert!(
+        !control.acknowledge_number(first).unwrap(),
+        "it is acknowledged already"
+    );
+
+    let second = fault();
+    let superseded = control.acknowledge_number(first).unwrap_err();
+    assert!(
+        matches!(
+            superseded,
+            RequestError::Refused(ControlError::AlarmSuperseded { .. })
+        ),
+        "{superseded}"
+    );
+    assert_eq!(state().state, AlarmState::Isolated as u64);
+    assert!(control.acknowledge(DIAGNOSER).unwrap());
+    wait_until("the end of the alarm", || {
+        state().state == AlarmState::Cleared as u64
+    });
+
+    assert!(second.number > first.number);
+    fault();
+    assert_eq!(control.acknowledge_all().unwrap(), 1);
+    wait_until("the end of the alarm", || {
+        state().state == AlarmState::Cleared as u64
+    });
+
     let unknown = control.acknowledge("nobody").unwrap_err();
     assert!(
         matches!(
@@ -201,9 +318,30 @@ fn an_acknowledgement_is_counted_only_where_an_alarm_waits_for_it() {
         ),
         "{unknown}"
     );
-    let number = AlarmNumber { epoch: 1, number: 7 };
-    let unknown = control.acknowledge_number(number).unwrap_err();
-    assert!(unknown.to_string().contains("no alarm 1.7"), "{unknown}");
+    let unknown = control
+        .acknowledge_number(AlarmNumber { epoch: 1, number: 1 })
+        .unwrap_err();
+    assert!(
+        unknown.to_string().contains("no alarm 1.1 in the ring"),
+        "{unknown}"
+    );
+    drop(vehicle);
+    daemon.stop();
+}
+
+#[test]
+fn a_reload_of_the_same_configuration_changes_nothing_and_a_checkpoint_without_a_file_is_refused() {
+    let stage = Stage::new();
+    let daemon = Daemon::start(&stage);
+    let control = control(&stage);
+    let outcome = control.reload().unwrap();
+    assert_eq!(
+        (outcome.diagnosers.unchanged, outcome.inputs.unchanged),
+        (1, 2),
+        "{outcome:?}"
+    );
+    let error = control.checkpoint().unwrap_err();
+    assert!(error.to_string().contains("`checkpoint_file`"), "{error}");
     daemon.stop();
 }
 

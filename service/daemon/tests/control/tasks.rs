@@ -57,7 +57,7 @@ fn ask<T: Send + 'static>(
 
 /// Obeys the next command.
 fn obey(inbox: &mut CommandInbox, reply: impl Fn(&Command) -> Reply) {
-    let (ticket, command) = wait_for("a command", || inbox.next());
+    let (ticket, command) = wait_for("a command", || inbox.take());
     inbox.reply(ticket, reply(&command));
 }
 
@@ -130,7 +130,7 @@ fn a_step_thread_that_does_not_obey_is_reported_and_its_late_reply_disturbs_noth
     for number in 0..3 {
         obey(&mut inbox, |command| match (number, command) {
             (0, Command::Reset(0)) | (1, Command::Reset(1)) => Reply::Reset,
-            (2, Command::Acknowledge(1)) => Reply::Acknowledged(true),
+            (2, Command::Acknowledge(1, None)) => Reply::Acknowledged(true),
             _ => panic!("another command, or out of order"),
         });
     }

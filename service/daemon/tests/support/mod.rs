@@ -4,6 +4,7 @@
 pub mod daemon;
 pub mod helper;
 pub mod publisher;
+pub mod scalar;
 
 use std::fs;
 use std::path::PathBuf;

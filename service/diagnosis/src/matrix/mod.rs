@@ -18,11 +18,11 @@ pub use triangular::{forward_substitution, triangularise};
 use std::ops::{Index, IndexMut};
 
 use nalgebra::DMatrix;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 /// A row-major matrix that can be reshaped within the room it was created with.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(into = "stored::StoredMatrix", try_from = "stored::StoredMatrix")]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "stored::StoredMatrix")]
 pub struct Matrix {
     rows: usize,
     columns: usize,

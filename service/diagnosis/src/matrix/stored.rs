@@ -1,12 +1,13 @@
 //! A matrix as it is saved: its elements, and the room it had.
 
 use super::Matrix;
-use serde::{Deserialize, Serialize};
+use serde::ser::{SerializeSeq as _, SerializeStruct as _};
+use serde::{Deserialize, Serialize, Serializer};
 
 /// No matrix of the real-time path is larger.
 const LARGEST_ROOM: usize = 1 << 24;
 
-#[derive(Serialize, Deserialize)]
+#[derive(Deserialize)]
 pub(super) struct StoredMatrix {
     rows: usize,
     columns: usize,
@@ -25,15 +26,30 @@ pub(super) struct NotAMatrix {
     found: usize,
 }
 
-impl From<Matrix> for StoredMatrix {
-    fn from(matrix: Matrix) -> Self {
-        Self {
-            rows: matrix.rows,
-            columns: matrix.columns,
-            stride: matrix.stride,
-            room: matrix.data.len(),
-            elements: matrix.iter_rows().flatten().copied().collect(),
+/// The fields of a [`StoredMatrix`], without a copy of the elements: a state is saved without allocating.
+impl Serialize for Matrix {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut fields = serializer.serialize_struct("StoredMatrix", 5)?;
+        fields.serialize_field("rows", &self.rows)?;
+        fields.serialize_field("columns", &self.columns)?;
+        fields.serialize_field("stride", &self.stride)?;
+        fields.serialize_field("room", &self.data.len())?;
+        fields.serialize_field("elements", &Elements(self))?;
+        fields.end()
+    }
+}
+
+/// The elements of a matrix, row by row.
+struct Elements<'a>(&'a Matrix);
+
+impl Serialize for Elements<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let Self(matrix) = self;
+        let mut elements = serializer.serialize_seq(Some(matrix.rows * matrix.columns))?;
+        for element in matrix.iter_rows().flatten() {
+            elements.serialize_element(element)?;
         }
+        elements.end()
     }
 }
 
@@ -83,8 +99,9 @@ mod tests {
     fn shape_room_and_elements_come_back() {
         let mut matrix = Matrix::with_capacity(2, 5);
         matrix.append_diagonal(&[1.0, -0.0]);
-        let stored = StoredMatrix::from(matrix.clone());
-        let back = Matrix::try_from(stored).unwrap();
+        let format = bincode::config::standard();
+        let stored = bincode::serde::encode_to_vec(&matrix, format).unwrap();
+        let (back, _): (Matrix, usize) = bincode::serde::decode_from_slice(&stored, format).unwrap();
         assert_eq!(back, matrix);
         assert!(back.has_room_of(&matrix));
         assert_eq!(back[(1, 1)].to_bits(), (-0.0_f64).to_bits());

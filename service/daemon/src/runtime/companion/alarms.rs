@@ -10,11 +10,9 @@ use residual_shared::alarm::{AlarmTransition, alarm_flags};
 use residual_shared::bounds_table::{AlarmRead, Liveness, TableReader};
 use residual_shared::clock::monotonic_ns;
 use residual_shared::names::Instance;
-use residual_shared::record::Verdict;
+use residual_shared::record::{Verdict, fault_names};
 use residual_shared::transport::AlarmNotifier;
 use tracing::{info, warn};
-
-use residual_shared::record::fault_names;
 
 /// Follows the alarm ring of the daemon it lives in, over every table that the daemon makes.
 pub(super) struct AlarmWatch {

@@ -211,16 +211,18 @@ impl ControlDesk {
     }
 
     fn acknowledge(&self, alarms: Alarms) -> Result<Outcome, ControlError> {
-        let slots = match alarms {
-            Alarms::All => 0..self.identity.diagnosers.len(),
-            Alarms::Diagnoser(name) => one(self.slot_of(&name)?),
-            Alarms::Number { epoch, number } => one(self.slot_of_alarm(AlarmNumber { epoch, number })?),
+        let commands = match alarms {
+            Alarms::All => (0..self.identity.diagnosers.len())
+                .map(|slot| Command::Acknowledge(slot, None))
+                .collect(),
+            Alarms::Diagnoser(name) => vec![Command::Acknowledge(self.slot_of(&name)?, None)],
+            Alarms::Number { epoch, number } => {
+                let (slot, occurrence) = self.occurrence_of(AlarmNumber { epoch, number })?;
+                vec![Command::Acknowledge(slot, Some(occurrence))]
+            }
         };
         let answer = |alarms| Response::Acknowledged { alarms };
-        Ok(Outcome::Commands(
-            slots.map(Command::Acknowledge).collect(),
-            answer,
-        ))
+        Ok(Outcome::Commands(commands, answer))
     }
 
     fn set_log_level(&self, filter: &str) -> Result<Outcome, ControlError> {
@@ -254,8 +256,8 @@ impl ControlDesk {
             })
     }
 
-    /// The slot of the alarm that a transition belongs to, if it is still the alarm of its diagnoser.
-    fn slot_of_alarm(&self, number: AlarmNumber) -> Result<usize, ControlError> {
+    /// Slot and occurrence of the alarm that a transition belongs to, if it is still the alarm of its diagnoser.
+    fn occurrence_of(&self, number: AlarmNumber) -> Result<(usize, u64), ControlError> {
         let unknown = || ControlError::NoSuchAlarm {
             number: number.to_string(),
         };
@@ -275,7 +277,7 @@ impl ControlDesk {
                 diagnoser: diagnoser.name.clone(),
             });
         }
-        Ok(slot)
+        Ok((slot, transition.occurrence))
     }
 
     /// The daemon's own table; none while it is starting.

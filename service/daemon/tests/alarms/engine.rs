@@ -1,5 +1,4 @@
 //! What the engine does with alarms, in simulated time: order, acknowledgement, reset, enabling signals.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use residual_diagnosis::diagnoser::{
     Channel, ChannelDescription, Description, Diagnoser, RestoreError, StepInput, StepRecord, Verdict, flags,
