@@ -64,11 +64,10 @@ fn live(arguments: &CsvArguments, runtime_directory: &Path) -> Result<u8, Error>
     let mut lines = Lines::begin(arguments, stream.header())?;
     let mut failed = None;
     recorder::look(&mut stream, arguments.duration, &stop, |batch| {
-        let records = batch.iter().filter_map(|received| match received {
+        let mut records = batch.iter().filter_map(|received| match received {
             Received::Record { message, .. } => Some(message),
             _ => None,
         });
-        let mut records = records;
         let written = records
             .try_for_each(|message| lines.write(message))
             .and_then(|()| lines.flush());
@@ -90,8 +89,14 @@ fn live(arguments: &CsvArguments, runtime_directory: &Path) -> Result<u8, Error>
 /// One file a diagnoser.
 struct Lines {
     instance: String,
-    /// By slot: the file, if the diagnoser is exported, and the names of its faults.
-    files: Vec<Option<(Writer<Box<dyn Write>>, Vec<String>)>>,
+    /// By slot, of the diagnosers that are exported.
+    files: Vec<Option<Lined>>,
+}
+
+/// The file of one diagnoser.
+struct Lined {
+    file: Writer<Box<dyn Write>>,
+    faults: Vec<String>,
 }
 
 impl Lines {
@@ -135,7 +140,10 @@ impl Lines {
             let channels = diagnoser.channels.iter().map(|channel| channel.name.as_str());
             file.write_record(columns::names(channels))
                 .map_err(output_error)?;
-            files.push(Some((file, diagnoser.faults.clone())));
+            files.push(Some(Lined {
+                file,
+                faults: diagnoser.faults.clone(),
+            }));
         }
         Ok(Self {
             instance: header.instance.clone(),
@@ -144,7 +152,7 @@ impl Lines {
     }
 
     fn write(&mut self, message: &RecordMessage) -> Result<(), Error> {
-        let Some(Some((file, faults))) = self.files.get_mut(message.slot) else {
+        let Some(Some(Lined { file, faults })) = self.files.get_mut(message.slot) else {
             return Ok(());
         };
         let cells = columns::cells(&self.instance, &message.record, faults);
@@ -152,8 +160,8 @@ impl Lines {
     }
 
     fn flush(&mut self) -> Result<(), Error> {
-        for (file, _) in self.files.iter_mut().flatten() {
-            file.flush()?;
+        for lined in self.files.iter_mut().flatten() {
+            lined.file.flush()?;
         }
         Ok(())
     }

@@ -62,7 +62,8 @@ pub struct ReplayArguments {
     #[arg(long, value_enum, value_name = "FORMAT", num_args = 0..=1, require_equals = true)]
     #[arg(default_missing_value = "text", conflicts_with = "totals")]
     pub table: Option<TableFormat>,
-    /// Fail unless every record of an MCAP recording comes out again, the same to the last bit.
+    /// Fail unless every record of an MCAP recording comes out again, the same to the last bit but for the flag of an
+    /// overrun, which tells that the daemon was late.
     #[arg(long)]
     pub verify: bool,
 }

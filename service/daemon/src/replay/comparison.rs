@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::fmt::Write as _;
 
 use residual_recording::{Event, Reader};
-use residual_shared::record::StepRecord;
+use residual_shared::record::{StepRecord, flags};
 
 use super::recorded::{Recorded, RecordedError};
 use super::records::ReplayRecord;
@@ -25,7 +25,9 @@ pub struct Comparison {
 pub struct Agreement {
     /// Records that are the same to the last bit.
     pub same: u64,
-    /// Records that differ.
+    /// Records that are the same but for the flag of an overrun: the daemon was late, which no replay is.
+    pub same_but_late: u64,
+    /// Records that differ otherwise.
     pub different: u64,
     /// Recorded ones that the replay does not have.
     pub not_replayed: u64,
@@ -102,14 +104,22 @@ impl Comparison {
 }
 
 impl Agreement {
-    /// Whether there are recorded records and all of them came out again.
+    /// Whether there are recorded records and all of them came out again, overruns left aside.
     pub fn is_complete(&self) -> bool {
-        self.same > 0 && self.different == 0 && self.not_replayed == 0
+        self.same + self.same_but_late > 0 && self.different == 0 && self.not_replayed == 0
     }
 
     fn compare(&mut self, recorded: &StepRecord, replayed: &StepRecord) {
         if recorded.same_bits(replayed) {
             self.same += 1;
+            return;
+        }
+        let punctual = StepRecord {
+            flags: recorded.flags & !flags::OVERRUN,
+            ..*recorded
+        };
+        if punctual.same_bits(replayed) {
+            self.same_but_late += 1;
             return;
         }
         self.different += 1;
@@ -120,7 +130,7 @@ impl Agreement {
 
     /// In words.
     pub fn describe(&self) -> String {
-        let all = self.same + self.different + self.not_replayed;
+        let all = self.same + self.same_but_late + self.different + self.not_replayed;
         if all == 0 {
             return "no records in the recording to compare with".into();
         }
@@ -129,6 +139,13 @@ impl Agreement {
             self.same
         );
         // Writing to a text cannot fail.
+        if self.same_but_late > 0 {
+            let _ = write!(
+                text,
+                "; {} are the same but for the flag of an overrun: the daemon was late there",
+                self.same_but_late
+            );
+        }
         if let Some((step, what)) = &self.first_difference {
             let _ = write!(text, "; the first that differs is that of step {step}: {what}");
         }
