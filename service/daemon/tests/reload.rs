@@ -343,7 +343,7 @@ fn write_configuration(stage: &mut Stage, whole: &toml::Table, reload: usize) ->
             add(stage, middle);
         }
     }
-    let valid = reload % 2 == 0;
+    let valid = reload.is_multiple_of(2);
     if !valid {
         match reload / 2 % 3 {
             0 => drop(
