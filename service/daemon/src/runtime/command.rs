@@ -113,7 +113,7 @@ pub struct CommandInbox {
 
 impl CommandInbox {
     /// The next command, if there is one and room for its reply.
-    pub fn take(&mut self) -> Option<(Ticket, Command)> {
+    pub fn receive(&mut self) -> Option<(Ticket, Command)> {
         if self.replies.slots() == 0 {
             return None;
         }
@@ -134,7 +134,7 @@ mod tests {
     /// Takes the commands of one turn, as the step thread does.
     fn take(inbox: &mut CommandInbox, mut execute: impl FnMut(Command) -> Reply) {
         for _ in 0..COMMANDS_PER_TURN {
-            let Some((ticket, command)) = inbox.take() else {
+            let Some((ticket, command)) = inbox.receive() else {
                 return;
             };
             inbox.reply(ticket, execute(command));

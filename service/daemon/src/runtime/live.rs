@@ -187,7 +187,7 @@ impl StepLoop<'_> {
     /// Does what the companion has asked for, when no step is due.
     fn obey(&mut self) {
         for _ in 0..COMMANDS_PER_TURN {
-            let Some((ticket, command)) = self.commands.take() else {
+            let Some((ticket, command)) = self.commands.receive() else {
                 return;
             };
             let reply = self.execute(command);

@@ -57,7 +57,7 @@ fn ask<T: Send + 'static>(
 
 /// Obeys the next command.
 fn obey(inbox: &mut CommandInbox, reply: impl Fn(&Command) -> Reply) {
-    let (ticket, command) = wait_for("a command", || inbox.take());
+    let (ticket, command) = wait_for("a command", || inbox.receive());
     inbox.reply(ticket, reply(&command));
 }
 
