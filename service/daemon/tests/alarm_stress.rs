@@ -204,12 +204,46 @@ fn consumer() {
 /// A consumer process: how it is started behind a transition.
 struct Consumer {
     name: &'static str,
-    command: Box<dyn Fn(&Stage, Option<AlarmNumber>) -> Command>,
+    command: StartBehind,
     /// Whether it is killed now and then.
     killed: bool,
     process: Option<Helper>,
     account: Account,
 }
+
+/// A line of a consumer, in whichever language it writes it.
+enum Heard {
+    Transition { epoch: u64, number: u64 },
+    Gap { first: u64, last: u64 },
+}
+
+impl Heard {
+    /// What the line says; none if it speaks of something else, such as a test's frame.
+    fn of(line: &str) -> Option<Self> {
+        assert!(
+            !line.contains("UNEXPECTED") && !line.contains("begin anew"),
+            "{line}"
+        );
+        let digits = line.split(|character: char| !character.is_ascii_digit());
+        let numbers: Vec<u64> = digits.filter_map(|digits| digits.parse().ok()).collect();
+        if line.starts_with(|first: char| first.is_ascii_digit()) {
+            let [epoch, number, ..] = numbers[..] else {
+                panic!("{line}")
+            };
+            return Some(Self::Transition { epoch, number });
+        }
+        let is_gap = line.starts_with("GAP") || line.contains("are lost");
+        is_gap.then(|| {
+            let [.., first, last] = numbers[..] else {
+                panic!("{line}")
+            };
+            Self::Gap { first, last }
+        })
+    }
+}
+
+/// The process of a consumer that goes on behind a transition.
+type StartBehind = Box<dyn Fn(&Stage, Option<AlarmNumber>) -> Command>;
 
 /// What a consumer has seen, over all its lives.
 #[derive(Debug, Default)]
@@ -229,39 +263,26 @@ struct Account {
 impl Account {
     /// Takes a line of a consumer; panics if a number was seen twice, left out or reported missing wrongly.
     fn take(&mut self, line: &str) {
-        let numbers: Vec<u64> = (line.split(|character: char| !character.is_ascii_digit()))
-            .filter(|digits| !digits.is_empty())
-            .filter_map(|digits| digits.parse().ok())
-            .collect();
-        if line.starts_with(|first: char| first.is_ascii_digit()) {
-            self.begin(numbers[1]);
-            assert_eq!(numbers[1], self.last + 1, "{line}");
-            self.epochs += u64::from(numbers[0] != self.epoch);
-            assert!(numbers[0] >= self.epoch, "{line}");
-            (self.epoch, self.last) = (numbers[0], numbers[1]);
-            self.seen += 1;
-        } else if line.starts_with("GAP") || line.contains("are lost") {
-            let [.., first, last] = numbers[..] else {
-                panic!("{line}")
-            };
-            self.begin(first);
-            assert_eq!(first, self.last + 1, "{line}");
-            assert!(last >= first, "{line}");
-            self.last = last;
-            self.gaps += 1;
-            self.missing += last + 1 - first;
-        } else {
-            assert!(
-                !line.contains("UNEXPECTED") && !line.contains("begin anew"),
-                "{line}"
-            );
-        }
-    }
-
-    /// The first event begins anywhere.
-    fn begin(&mut self, number: u64) {
+        let Some(heard) = Heard::of(line) else { return };
+        let (Heard::Transition { number: first, .. } | Heard::Gap { first, .. }) = heard;
         if self.before.is_none() {
-            (self.before, self.last) = (Some(number - 1), number - 1);
+            // The first event of all begins with what the ring held when the consumer came.
+            (self.before, self.last) = (Some(first - 1), first - 1);
+        }
+        assert_eq!(first, self.last + 1, "{line}");
+        match heard {
+            Heard::Transition { epoch, number } => {
+                assert!(epoch >= self.epoch, "{line}");
+                self.epochs += u64::from(epoch != self.epoch);
+                (self.epoch, self.last) = (epoch, number);
+                self.seen += 1;
+            }
+            Heard::Gap { first, last } => {
+                assert!(last >= first, "{line}");
+                self.last = last;
+                self.gaps += 1;
+                self.missing += last + 1 - first;
+            }
         }
     }
 
@@ -339,26 +360,11 @@ impl Consumer {
     /// Whether the process has accounted for the transition `last`.
     fn has_reached(&self, last: u64) -> bool {
         let lines = self.process.as_ref().map(Helper::last_lines).unwrap_or_default();
-        let mut account = Account::default();
-        for line in &lines {
-            let is_event = line.starts_with(|first: char| first.is_ascii_digit())
-                || line.contains("GAP")
-                || line.contains("are lost");
-            if is_event {
-                let digits = line.split(|character: char| !character.is_ascii_digit());
-                account.last = digits
-                    .filter_map(|digits| digits.parse().ok())
-                    .last()
-                    .unwrap_or(0);
-                if let Some(number) = line
-                    .strip_prefix(|first: char| first.is_ascii_digit())
-                    .and(line.split(['.', ':', ' ']).nth(1))
-                {
-                    account.last = number.parse().unwrap_or(account.last);
-                }
-            }
-        }
-        account.last >= last
+        lines.iter().any(|line| match Heard::of(line) {
+            Some(Heard::Transition { number, .. }) => number >= last,
+            Some(Heard::Gap { last: number, .. }) => number >= last,
+            None => false,
+        })
     }
 }
 
