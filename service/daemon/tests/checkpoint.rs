@@ -302,7 +302,10 @@ fn only_a_diagnoser_whose_configuration_changed_begins_afresh() {
         "{log}"
     );
     let table = stage.table();
-    assert!(table.read_schedule_counters(1).unwrap().steps >= before);
+    // The counters come with the first turn.
+    wait_until("the steps of both lives", || {
+        table.read_schedule_counters(1).unwrap().steps > before
+    });
     assert_eq!(table.read_schedule_counters(0).unwrap().skipped, 0);
     daemon.stop();
 }

@@ -10,6 +10,7 @@ use std::sync::Arc;
 
 use residual_shared::alarm::{AlarmTransition, NONE};
 use residual_shared::bounds_table::{CreateError, PreparedTable, TableWriter};
+use residual_shared::clock::monotonic_ns;
 use residual_shared::counters::{InputCounters, ScheduleCounters};
 use residual_shared::transport::{Node, SampleSubscriber, TransportError};
 
@@ -182,5 +183,6 @@ impl Publication {
             // There was room before, and this thread alone fills the queue.
             let _ = self.queue.push(Message::Reloaded(introduction));
         }
+        self.publish_counters(engine, monotonic_ns());
     }
 }

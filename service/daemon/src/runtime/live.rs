@@ -80,7 +80,7 @@ impl Publication {
     }
 
     /// Writes heartbeat and counters to the table, and at most once a second what changed to the log.
-    fn publish_counters(&mut self, engine: &Engine, monotonic_ns: u64) {
+    pub(super) fn publish_counters(&mut self, engine: &Engine, monotonic_ns: u64) {
         self.table.heartbeat(monotonic_ns);
         for (input, counters) in engine.input_counters().enumerate() {
             self.table.publish_input_counters(input, counters);
