@@ -76,11 +76,11 @@ cusum = 8.0
 fn record_until_told_to_end() {
     let Some(instance) = instance() else { return };
     let stop = support::helper::told_to_end();
-    let stream = Stream::open(&instance, true).unwrap();
+    let mut stream = Stream::open(&instance, true).unwrap();
     println!("recording");
     let slots = stream.slots(&[]).unwrap();
     let path = PathBuf::from(std::env::var_os(OUTPUT).unwrap());
-    let totals = recorder::record(stream, &path, &slots, None, &stop).unwrap();
+    let totals = recorder::record(&mut stream, &path, &slots, None, &stop).unwrap();
     println!("{totals:?}");
 }
 
@@ -261,9 +261,9 @@ fn what_cannot_be_replayed_is_refused_with_the_reason() {
     let stage = stage();
     let path = stage.files.path().join("short.mcap");
     let daemon = Daemon::start(&stage);
-    let stream = Stream::open(&stage.instance, false).unwrap();
+    let mut stream = Stream::open(&stage.instance, false).unwrap();
     let never = AtomicBool::new(false);
-    recorder::record(stream, &path, &[0], Some(Duration::from_millis(100)), &never).unwrap();
+    recorder::record(&mut stream, &path, &[0], Some(Duration::from_millis(100)), &never).unwrap();
     daemon.stop();
     let refused = |stage: &Stage, path: &Path, arguments: &[&str], phrase: &str| {
         let finished = replay(stage, path, arguments);
