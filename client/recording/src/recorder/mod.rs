@@ -66,12 +66,14 @@ pub fn record(
     duration: Option<Duration>,
     stop: &AtomicBool,
 ) -> Result<Totals, RecordError> {
-    let writer = Writer::create(path, stream.header().clone(), slots, stream.has_samples())?;
+    let mut writer = Writer::create(path, stream.header().clone(), slots, stream.has_samples())?;
+    writer.go_on_behind(&stream.sample_gaps);
     let (queue, batches) = sync_channel(QUEUE);
     let thread = thread::spawn(move || write::write(writer, &batches));
     let end = look(stream, duration, stop, |batch| queue.send(batch).is_ok());
     drop(queue);
     let (writer, written) = thread.join().map_err(|_| WriteError::Thread)??;
+    stream.sample_gaps = writer.sample_gaps();
     let mut totals = Totals {
         topics: written,
         lost_records: stream.lost_records(),

@@ -1,6 +1,7 @@
 //! All that a daemon says: the stream of its step records, and what its inputs receive.
 
 use std::cmp::Ordering;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use residual_client::{AlarmEvent, AlarmListener, AlarmStart, StepRecords};
@@ -15,6 +16,7 @@ use residual_shared::transport::{self, Node, RecordHeader, SampleSubscriber};
 use super::RecordError;
 use crate::header::Header;
 use crate::message::{RecordMessage, SampleMessage};
+use crate::totals::SequenceGaps;
 
 /// Something that was received.
 #[derive(Clone, Debug)]
@@ -53,13 +55,15 @@ pub struct Stream {
     looked_ns: Vec<u64>,
     /// Epoch of the stream before; what is of an epoch in between has no table any more.
     previous_epoch: Option<u64>,
+    /// Where the samples of the recording before ended, by topic.
+    pub(super) sample_gaps: BTreeMap<String, SequenceGaps>,
     /// Received, but of a later table.
     later_records: Vec<(RecordHeader, StepRecord)>,
     /// Received, but of a later table.
     later_alarms: Vec<AlarmTransition>,
     /// Records that had been lost at the beginning.
     lost_records_before: u64,
-    /// Records and alarms of an epoch without table.
+    /// Records of an epoch without table.
     nameless_records: u64,
     lost_alarms: u64,
     // After the ports.
@@ -86,6 +90,7 @@ impl Stream {
             lost_before: Vec::new(),
             looked_ns: Vec::new(),
             previous_epoch: None,
+            sample_gaps: BTreeMap::new(),
             later_records: Vec::new(),
             later_alarms: Vec::new(),
             lost_records_before: 0,
