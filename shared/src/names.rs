@@ -103,9 +103,10 @@ impl Instance {
         format!("residuald/{}/input/{input}/v1", self.name)
     }
 
-    /// iceoryx2 service on which every step record travels; the last part is the payload's version.
+    /// iceoryx2 service on which every step record travels; the last part is the version of payload and
+    /// header.
     pub fn record_service(&self) -> String {
-        format!("residuald/{}/records/v1", self.name)
+        format!("residuald/{}/records/v2", self.name)
     }
 
     /// iceoryx2 service that takes control requests; the last part is the version of its byte stream.

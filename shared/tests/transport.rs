@@ -100,10 +100,10 @@ fn records_reach_a_recorder_whole() {
     let mut sent = StepRecord::new(3);
     sent.step = 7;
     sent.channels_mut()[2].residual = 0.25;
-    publisher.send(5, &sent).unwrap();
+    publisher.send(9, 5, &sent).unwrap();
     let mut count = 0;
     recorder.receive(|header, record| {
-        assert_eq!((header.sequence, header.slot), (0, 5));
+        assert_eq!((header.sequence, header.epoch, header.slot), (0, 9, 5));
         assert!(record.same_bits(&sent));
         count += 1;
     });

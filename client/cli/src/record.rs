@@ -2,7 +2,7 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use clap::Args;
 use residual_client::InstanceName;
@@ -24,7 +24,8 @@ pub struct RecordArguments {
     /// Name of the instance; may be left out if there is only one.
     #[arg(long, value_name = "NAME")]
     instance: Option<InstanceName>,
-    /// The file, which must not be there yet; default: INSTANCE-DATE.mcap in this directory.
+    /// The file, which must not be there yet; default: INSTANCE-DATE.mcap in this directory. When the daemon reads
+    /// its configuration again, or is started anew at once, the recording goes on in FILE.2.mcap, and so on.
     #[arg(long, short, value_name = "FILE.mcap")]
     output: Option<PathBuf>,
     /// Records the samples of all inputs as well, so that `residuald replay` can replay the recording. Its records
@@ -47,7 +48,7 @@ pub fn run(arguments: &RecordArguments, runtime_directory: &Path) -> Result<u8, 
     let stop = until::stop_flag().map_err(Error::Signals)?;
     let instance = instances::choose(arguments.instance.as_ref(), runtime_directory)?;
     let mut stream = Stream::open(&instance, arguments.samples)?;
-    let slots = stream.slots(&arguments.diagnosers)?;
+    let mut slots = stream.slots(&arguments.diagnosers)?;
     if let Some(path) = &arguments.configuration {
         stream.set_configuration(&std::path::absolute(path)?);
     }
@@ -55,10 +56,46 @@ pub fn run(arguments: &RecordArguments, runtime_directory: &Path) -> Result<u8, 
         .output
         .clone()
         .unwrap_or_else(|| default_name(&instance.name).into());
-    eprintln!("recording to {}", path.display());
-    let totals = recorder::record(stream, &path, &slots, arguments.duration, &stop)?;
-    report(&totals, &mut io::stdout().lock())?;
-    Ok(if totals.is_complete() { 0 } else { LOST })
+    let begin = Instant::now();
+    let mut is_complete = true;
+    for number in 1.. {
+        let path = numbered(&path, number);
+        eprintln!("recording to {}", path.display());
+        let left = arguments
+            .duration
+            .map(|limit| limit.saturating_sub(begin.elapsed()));
+        let totals = recorder::record(&mut stream, &path, &slots, left, &stop)?;
+        report(&totals, &mut io::stdout().lock())?;
+        is_complete &= totals.is_complete();
+        if totals.end != Some(End::TableReplaced) {
+            break;
+        }
+        stream = stream.next()?;
+        slots = remaining(&stream, &arguments.diagnosers)?;
+    }
+    Ok(if is_complete { 0 } else { LOST })
+}
+
+/// The file for the recording with this number, of those that begin with `path`.
+fn numbered(path: &Path, number: u32) -> PathBuf {
+    match number {
+        1 => path.to_owned(),
+        _ => path.with_extension(format!("{number}.mcap")),
+    }
+}
+
+/// The slots of those of the named diagnosers that there still are; says which are gone.
+fn remaining(stream: &Stream, names: &[String]) -> Result<Vec<usize>, Error> {
+    let mut there = Vec::new();
+    for name in names {
+        match stream.slots(std::slice::from_ref(name)) {
+            Ok(_) => there.push(name.clone()),
+            Err(error) => eprintln!("residual: {error}"),
+        }
+    }
+    // Without any of them the error says so.
+    let sought = if there.is_empty() { names } else { &there };
+    Ok(stream.slots(sought)?)
 }
 
 fn report(totals: &Totals, out: &mut impl io::Write) -> io::Result<()> {
@@ -69,8 +106,13 @@ fn report(totals: &Totals, out: &mut impl io::Write) -> io::Result<()> {
             missing => writeln!(out, ", {missing} missing")?,
         }
     }
-    if totals.end == Some(End::DaemonEnded) {
-        writeln!(out, "the daemon has ended, or has loaded another configuration")?;
+    match totals.end {
+        Some(End::DaemonEnded) => writeln!(out, "the daemon has ended")?,
+        Some(End::TableReplaced) => writeln!(
+            out,
+            "the daemon has read its configuration again or was started anew; the recording goes on in the next file"
+        )?,
+        Some(End::Asked) | None => {}
     }
     match (totals.lost_records, totals.lost_samples, totals.lost_alarms) {
         (0, 0, 0) => writeln!(out, "nothing was lost on the way from the daemon"),

@@ -238,3 +238,27 @@ fn csv_of_a_live_daemon_comes_line_by_line() {
     assert_eq!(csv.lines().count(), 6, "{csv}");
     assert!(csv.lines().nth(5).unwrap().contains(",4,"), "{csv}");
 }
+
+#[test]
+fn csv_of_a_live_daemon_ends_when_its_table_is_replaced_and_says_so() {
+    let mut live = Live::start();
+    let mut command = live.command(&["export", "csv", "live", "--diagnoser", "rear"]);
+    let child = command
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(Duration::from_millis(500));
+    live.send_record_of(1, 1);
+    live.reload(["rear", "front"]);
+    for step in 2..5 {
+        live.send_record_of(1, 100);
+        live.send_record_of(0, step);
+    }
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(8), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("export again"));
+    let csv = text(&output.stdout);
+    assert_eq!(csv.lines().count(), 2, "{csv}");
+    assert!(csv.lines().nth(1).unwrap().contains(",1,"), "{csv}");
+}

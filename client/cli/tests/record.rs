@@ -92,6 +92,143 @@ fn a_recording_ends_whole_on_each_signal_and_holds_all_that_came_before() {
     }
 }
 
+/// By diagnoser, the steps in a recording; and its totals.
+fn steps(path: &Path) -> ([Vec<u64>; 2], Totals) {
+    let mut reader = Reader::open(path).unwrap();
+    let names: Vec<String> = reader
+        .header()
+        .diagnosers
+        .iter()
+        .map(|diagnoser| diagnoser.name.clone())
+        .collect();
+    let mut steps = [vec![], vec![]];
+    while let Some(event) = reader.next_event().unwrap() {
+        if let Event::Record(message) = event {
+            let of = usize::from(names[message.slot] == "rear");
+            steps[of].push(message.record.step);
+        }
+    }
+    (steps, reader.totals().unwrap().clone())
+}
+
+/// Records while the daemon does `change`, which exchanges its two diagnosers: each record must stand under the name
+/// of the diagnoser that made it, none may be lost, and the change is told. `front` has slot 0 and the even steps of
+/// the test, `rear` has slot 1 and the odd ones, until they change places.
+fn assert_no_record_under_a_wrong_name(change: impl Fn(&mut Live)) {
+    let mut live = Live::start();
+    let path = live.file("drive.mcap");
+    let child = start(&live, &path, &["--samples"]);
+    for step in 0..50 {
+        live.send_record_of(0, 2 * step);
+        live.send_record_of(1, 2 * step + 1);
+        live.send_sample();
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    change(&mut live);
+    for step in 50..150 {
+        live.send_record_of(1, 2 * step);
+        live.send_record_of(0, 2 * step + 1);
+        live.send_sample();
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    std::thread::sleep(Duration::from_millis(100));
+    signal(&child, Signal::SIGTERM);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert!(
+        said(&output).contains("the recording goes on in the next file"),
+        "{}",
+        said(&output)
+    );
+    let parts = [
+        (path, 0..50, End::TableReplaced),
+        (live.file("drive.2.mcap"), 50..150, End::Asked),
+    ];
+    for (path, range, end) in parts {
+        let (steps, totals) = steps(&path);
+        assert_eq!(
+            steps[0],
+            range.clone().map(|step| 2 * step).collect::<Vec<_>>(),
+            "front"
+        );
+        assert_eq!(
+            steps[1],
+            range.map(|step| 2 * step + 1).collect::<Vec<_>>(),
+            "rear"
+        );
+        assert_eq!(totals.end, Some(end));
+        assert!(totals.is_complete(), "{totals:?}");
+    }
+    let samples = ["drive.mcap", "drive.2.mcap"].map(|name| read(&live.file(name)).1);
+    assert_eq!(samples[0] + samples[1], 150);
+}
+
+#[test]
+fn after_a_reload_that_exchanges_slots_every_record_stands_under_its_own_name() {
+    assert_no_record_under_a_wrong_name(|live| live.reload(["rear", "front"]));
+}
+
+#[test]
+fn after_a_restart_at_once_every_record_stands_under_its_own_name() {
+    assert_no_record_under_a_wrong_name(|live| live.restart(["rear", "front"]));
+}
+
+#[test]
+fn records_of_a_table_that_was_replaced_before_it_could_be_read_are_counted_as_lost() {
+    let mut live = Live::start();
+    let path = live.file("drive.mcap");
+    let child = start(&live, &path, &[]);
+    live.send_record(0);
+    std::thread::sleep(Duration::from_millis(100));
+    signal(&child, Signal::SIGSTOP);
+    live.reload(["rear", "front"]);
+    (0..3).for_each(|_| live.send_record(0));
+    live.reload(["front", "rear"]);
+    (0..4).for_each(|_| live.send_record(0));
+    signal(&child, Signal::SIGCONT);
+    std::thread::sleep(Duration::from_millis(200));
+    signal(&child, Signal::SIGTERM);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(7), "{}", said(&output));
+    assert_eq!(read(&path).0, 1);
+    let (records, _, totals) = read(&live.file("drive.2.mcap"));
+    assert_eq!((records, totals.unwrap().lost_records), (4, 3));
+}
+
+#[test]
+fn a_diagnoser_that_is_gone_after_a_reload_is_told_and_the_others_go_on() {
+    let mut live = Live::start();
+    let path = live.file("drive.mcap");
+    let child = start(&live, &path, &["--diagnoser", "front", "--diagnoser", "rear"]);
+    live.send_record(0);
+    live.reload(["side", "rear"]);
+    (0..2).for_each(|slot| live.send_record(slot));
+    std::thread::sleep(Duration::from_millis(200));
+    signal(&child, Signal::SIGTERM);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert!(
+        said(&output).contains("the daemon has no diagnoser `front`"),
+        "{}",
+        said(&output)
+    );
+    assert_eq!(read(&live.file("drive.2.mcap")).0, 1);
+}
+
+#[test]
+fn samples_that_still_come_do_not_keep_a_recording_going_when_the_daemon_has_ended() {
+    let mut live = Live::start();
+    let path = live.file("end.mcap");
+    let mut child = start(&live, &path, &["--samples"]);
+    live.close_table();
+    let begin = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        assert!(begin.elapsed() < Duration::from_secs(10), "it goes on");
+        live.send_sample();
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
 #[test]
 fn only_the_named_diagnosers_are_recorded_for_the_given_time() {
     let mut live = Live::start();

@@ -20,7 +20,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     loop {
         records.receive(|header, record| {
             let verdict = record.verdict().name();
-            println!("diagnoser {}, step {}: {verdict}", header.slot, record.step);
+            let (epoch, slot, step) = (header.epoch, header.slot, record.step);
+            println!("epoch {epoch}, diagnoser {slot}, step {step}: {verdict}");
         });
         if records.counts().lost > lost {
             println!("{} records lost", records.counts().lost - lost);

@@ -95,7 +95,7 @@ use residual_client::{Instance, StepRecords};
 # fn main() -> Result<(), Box<dyn std::error::Error>> {
 let mut records = StepRecords::open(&Instance::from_environment("vehicle".parse()?))?;
 loop {
-    records.receive(|header, record| println!("slot {}: step {}", header.slot, record.step));
+    records.receive(|header, record| println!("epoch {} slot {}: step {}", header.epoch, header.slot, record.step));
     println!("{} lost so far", records.counts().lost);
     std::thread::sleep(std::time::Duration::from_millis(100));
 }

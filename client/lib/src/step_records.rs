@@ -23,7 +23,7 @@ pub struct StepRecords {
 pub struct RecordCounts {
     /// Records received.
     pub received: u64,
-    /// Records sent by the daemon and overwritten before they were received.
+    /// Records sent by the daemon and overwritten before they were received, over all epochs of each life.
     pub lost: u64,
     /// Lives of the daemon from which records came.
     pub lives: u64,
@@ -45,7 +45,9 @@ impl StepRecords {
 
     /// Hands every waiting record to `take`, oldest first, and gives how many there were; never waits.
     ///
-    /// The header names the diagnoser: its slot in the bounds table of the same life of the daemon.
+    /// The header names the diagnoser: its slot in the bounds table with the header's epoch. The epoch rises when the
+    /// daemon reads its configuration again and when it is started anew; the slot of another epoch may be another
+    /// diagnoser. Open the table anew before names are told of a new epoch.
     pub fn receive(&mut self, mut take: impl FnMut(RecordHeader, &StepRecord)) -> usize {
         let loss = &mut self.loss;
         self.subscriber

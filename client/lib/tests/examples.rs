@@ -98,14 +98,14 @@ fn records_prints_every_record() {
         let is_sending = std::sync::atomic::AtomicBool::new(true);
         std::thread::scope(|scope| {
             let reader = scope.spawn(|| {
-                let lines = example.lines_until("diagnoser 2, step 7: starting");
+                let lines = example.lines_until("epoch 4, diagnoser 2, step 7: starting");
                 is_sending.store(false, std::sync::atomic::Ordering::Relaxed);
                 lines
             });
             let mut record = StepRecord::new(0);
             record.step = 7;
             while is_sending.load(std::sync::atomic::Ordering::Relaxed) && !reader.is_finished() {
-                daemon.send(2, &record).unwrap();
+                daemon.send(4, 2, &record).unwrap();
                 std::thread::sleep(std::time::Duration::from_millis(10));
             }
             reader.join().unwrap();

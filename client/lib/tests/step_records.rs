@@ -43,23 +43,23 @@ fn without_a_daemon_the_error_says_to_start_one() {
 #[test]
 fn every_record_arrives_once_or_is_counted_as_lost_over_two_lives() {
     let place = place("stream");
-    let send = |steps: std::ops::Range<u64>, records: &mut Option<StepRecords>| {
+    let send = |epoch: u64, steps: std::ops::Range<u64>, records: &mut Option<StepRecords>| {
         let node = open_node(&place.instance).unwrap();
         let mut daemon = RecordPublisher::create(&node, &place.instance).unwrap();
         let records = records.get_or_insert_with(|| StepRecords::open(&place.instance).unwrap());
         for step in steps {
-            daemon.send(3, &record(step)).unwrap();
+            daemon.send(epoch, 3, &record(step)).unwrap();
         }
         let mut seen = Vec::new();
         records.receive(|header, record| {
-            assert_eq!(header.slot, 3);
+            assert_eq!((header.epoch, header.slot), (epoch, 3));
             seen.push(record.step);
         });
         seen
     };
     let mut records = None;
-    assert_eq!(send(0..5, &mut records), [0, 1, 2, 3, 4]);
-    let seen = send(100..3100, &mut records);
+    assert_eq!(send(7, 0..5, &mut records), [0, 1, 2, 3, 4]);
+    let seen = send(8, 100..3100, &mut records);
     assert_eq!(*seen.last().unwrap(), 3099);
     assert!(seen.is_sorted_by(|left, right| left + 1 == *right));
     let lost = 3000 - seen.len() as u64;

@@ -35,13 +35,16 @@ class SampleHeader(ctypes.Structure):
 
 
 class RecordHeader(ctypes.Structure):
-    """Before every record: its number, rising by 1, and the diagnoser's slot in the bounds table."""
+    """Before every record: its number, rising by 1, and the diagnoser's slot in the bounds table with this epoch.
 
-    _fields_ = [("sequence", ctypes.c_uint64), ("slot", ctypes.c_uint64)]
+    The epoch rises with every reload and restart of the daemon: a slot of another epoch may be another diagnoser.
+    """
+
+    _fields_ = [(name, ctypes.c_uint64) for name in ("sequence", "slot", "epoch")]
 
     @staticmethod
     def type_name() -> str:
-        return "residual.RecordHeader.v1"
+        return "residual.RecordHeader.v2"
 
 
 class Channel(ctypes.Structure):
@@ -98,23 +101,27 @@ class Records:
     """Every step record, and how many were lost."""
 
     def __init__(self, node: iox2.Node, instance: str) -> None:
-        service = iox2.ServiceName.new(f"residuald/{instance}/records/v1")
+        service = iox2.ServiceName.new(f"residuald/{instance}/records/v2")
         builder = node.service_builder(service).publish_subscribe(StepRecord).user_header(RecordHeader)
         self._subscriber = builder.open().subscriber_builder().create()
-        self._next_sequence = None
+        self._publisher = self._next_sequence = None
         self.received = self.lost = 0
 
     def print_new(self) -> None:
         """Prints what has come since the last time."""
         while (sample := self._subscriber.receive()) is not None:
             header, record = sample.user_header().contents, sample.payload().contents
+            publisher = sample.header().publisher_id.value
+            if self._publisher not in (None, publisher):
+                self._next_sequence = 0  # a later life of the daemon, heard from its first record on
             if self._next_sequence is not None:
                 self.lost += max(0, header.sequence - self._next_sequence)
-            self._next_sequence = header.sequence + 1
+            self._publisher, self._next_sequence = publisher, header.sequence + 1
             self.received += 1
             channels = record.channels[: record.channel_count]
             evaluated = [channel.ratio for channel in channels if not math.isnan(channel.ratio)]
             print(json.dumps({
+                "epoch": header.epoch,
                 "slot": header.slot,
                 "step": record.step,
                 "instant_ns": record.instant_ns,

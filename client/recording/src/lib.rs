@@ -1,7 +1,7 @@
 //! Recordings of a residuald daemon: what they hold, how they are written, read and made.
 //!
 //! A recording is an [MCAP](https://mcap.dev) file with JSON messages and a JSON schema for each topic, which
-//! Foxglove, PlotJuggler and the libraries of MCAP open. It is of one life of one daemon.
+//! Foxglove, PlotJuggler and the libraries of MCAP open. It is of one bounds table of one daemon, so of one epoch.
 //!
 //! | topic | messages | schema |
 //! |---|---|---|

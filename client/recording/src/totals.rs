@@ -40,8 +40,10 @@ pub struct TopicTotals {
 pub enum End {
     /// The recorder was told to end, or its time was over.
     Asked,
-    /// The daemon ended, or loaded another configuration.
+    /// The daemon ended.
     DaemonEnded,
+    /// The daemon read its configuration again, or was started anew: its slots may be other diagnosers now.
+    TableReplaced,
 }
 
 impl Totals {

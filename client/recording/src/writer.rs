@@ -188,6 +188,23 @@ impl<W: Write + Seek> Writer<W> {
         self.samples.iter().map(|samples| samples.topic.totals.missing)
     }
 
+    /// Which samples came last, by topic: for the recording that goes on behind this one.
+    pub(crate) fn sample_gaps(&self) -> BTreeMap<String, SequenceGaps> {
+        let samples = self.samples.iter();
+        samples
+            .map(|samples| (samples.topic.name.clone(), samples.gaps.clone()))
+            .collect()
+    }
+
+    /// Counts samples as missing that lie between the recording before and this one.
+    pub(crate) fn go_on_behind(&mut self, gaps: &BTreeMap<String, SequenceGaps>) {
+        for samples in &mut self.samples {
+            if let Some(gaps) = gaps.get(&samples.topic.name) {
+                samples.gaps = gaps.clone();
+            }
+        }
+    }
+
     /// Writes the totals and the end of the file.
     pub fn finish(mut self, totals: &Totals) -> Result<(), WriteError> {
         self.mcap.write_metadata(&Metadata {
@@ -240,5 +257,54 @@ impl Topic {
             publish_time,
         };
         Ok(mcap.write_to_known_channel(&header, json)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+
+    use residual_shared::clock::DaemonTime;
+    use residual_shared::sample::SampleHeader;
+
+    use super::*;
+    use crate::header::Input;
+
+    #[test]
+    fn samples_between_two_recordings_are_missing_in_the_second_one() {
+        let header = Header {
+            instance: "car".into(),
+            epoch: 1,
+            pid: 1,
+            time: DaemonTime::MONOTONIC,
+            wall_clock_offset_ns: 0,
+            schedule_epoch_ns: 0,
+            configuration: None,
+            earlier_samples: 0,
+            diagnosers: vec![],
+            inputs: vec![Input {
+                name: "imu".into(),
+                signals: vec!["ax".into()],
+            }],
+        };
+        let sample = |sequence| SampleMessage {
+            input: 0,
+            publisher: 7,
+            header: SampleHeader {
+                sequence,
+                timestamp_ns: 0,
+            },
+            looked_ns: 0,
+            received_ns: 0,
+            elements: vec![0.5],
+        };
+        let writer = || Writer::new(Cursor::new(Vec::new()), header.clone(), &[], true).unwrap();
+        let mut first = writer();
+        first.write_sample(&sample(4)).unwrap();
+        let mut second = writer();
+        second.go_on_behind(&first.sample_gaps());
+        second.write_sample(&sample(8)).unwrap();
+        let missing = |writer: &Writer<_>| writer.missing_samples().collect::<Vec<_>>();
+        assert_eq!((missing(&first), missing(&second)), (vec![0], vec![3]));
     }
 }

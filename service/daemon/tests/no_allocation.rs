@@ -229,7 +229,7 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_resets_and_comman
             }
         }
         while let Ok(message) = receiver.pop() {
-            if let Message::Record(_, record) = message {
+            if let Message::Record { record, .. } = message {
                 seen.take(&record);
             }
         }

@@ -18,12 +18,16 @@ const RECORDER_BUFFER: usize = 1024;
 /// User header of a step record on the wire.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ZeroCopySend)]
-#[type_name("residual.RecordHeader.v1")]
+#[type_name("residual.RecordHeader.v2")]
 pub struct RecordHeader {
-    /// Number of the record, rising by 1; a step above 1 is a known loss.
+    /// Number of the record, rising by 1 over all diagnosers and epochs of one publisher; a step above 1 is a known
+    /// loss.
     pub sequence: u64,
-    /// The diagnoser: its slot in the bounds table.
+    /// The diagnoser: its slot in the bounds table with this `epoch`.
     pub slot: u64,
+    /// Epoch of the bounds table that the slot belongs to. It rises with every reload and restart of the daemon, in
+    /// order with the records; a slot of another epoch may be another diagnoser.
+    pub epoch: u64,
 }
 
 type RecordService = PortFactory<ipc::Service, StepRecord, RecordHeader>;
@@ -61,8 +65,9 @@ impl RecordPublisher {
         })
     }
 
-    /// Sends one record of the diagnoser in `slot`. Allocates: never call it on the step thread.
-    pub fn send(&mut self, slot: usize, record: &StepRecord) -> Result<(), SendError> {
+    /// Sends one record of the diagnoser in `slot` of the table with this `epoch`. Allocates: never call it on the
+    /// step thread.
+    pub fn send(&mut self, epoch: u64, slot: usize, record: &StepRecord) -> Result<(), SendError> {
         let failed = |reason: String| SendError::Delivery {
             service: self.service.clone(),
             reason,
@@ -75,6 +80,7 @@ impl RecordPublisher {
         *sample.user_header_mut() = RecordHeader {
             sequence: self.sequence,
             slot: slot as u64,
+            epoch,
         };
         sample.send().map_err(|error| failed(format!("{error:?}")))?;
         self.sequence += 1;

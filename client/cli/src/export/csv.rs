@@ -9,6 +9,7 @@ use clap::Args;
 use csv::Writer;
 use residual_client::InstanceName;
 use residual_recording::recorder::{self, Received, Stream};
+use residual_recording::totals::End;
 use residual_recording::{Event, Header, Reader, RecordMessage, columns};
 
 use crate::error::Error;
@@ -19,6 +20,9 @@ use crate::until::{self, seconds};
 
 /// What stands for a running daemon in the place of a recording.
 const LIVE: &str = "live";
+
+/// Exit code: with `live`, what was exported is whole, but the daemon has gone on with another table.
+const REPLACED: u8 = 8;
 
 /// What to export.
 #[derive(Debug, Args)]
@@ -36,7 +40,8 @@ pub struct CsvArguments {
     /// With `live`: name of the instance; may be left out if there is only one.
     #[arg(long, value_name = "NAME")]
     instance: Option<InstanceName>,
-    /// With `live`: ends after so many seconds; default: on SIGINT (Ctrl-C), SIGTERM or SIGHUP, or with the daemon.
+    /// With `live`: ends after so many seconds; default: on SIGINT (Ctrl-C), SIGTERM or SIGHUP, or with the daemon;
+    /// also when it reads its configuration again or is started anew (exit code 8).
     #[arg(long, value_name = "S", value_parser = seconds)]
     duration: Option<Duration>,
 }
@@ -63,7 +68,7 @@ fn live(arguments: &CsvArguments, runtime_directory: &Path) -> Result<u8, Error>
     let mut stream = Stream::open(&instance, false)?;
     let mut lines = Lines::begin(arguments, stream.header())?;
     let mut failed = None;
-    recorder::look(&mut stream, arguments.duration, &stop, |batch| {
+    let end = recorder::look(&mut stream, arguments.duration, &stop, |batch| {
         let mut records = batch.iter().filter_map(|received| match received {
             Received::Record { message, .. } => Some(message),
             _ => None,
@@ -77,7 +82,14 @@ fn live(arguments: &CsvArguments, runtime_directory: &Path) -> Result<u8, Error>
     if let Some(error) = failed {
         return Err(error);
     }
+    if end == End::TableReplaced {
+        eprintln!(
+            "residual: the daemon has read its configuration again or was started anew: its diagnosers may be \
+             others; export again"
+        );
+    }
     match stream.lost_records() {
+        0 if end == End::TableReplaced => Ok(REPLACED),
         0 => Ok(0),
         lost => {
             eprintln!("residual: LOST on the way from the daemon: {lost} records");

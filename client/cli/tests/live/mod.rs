@@ -17,11 +17,12 @@ pub struct Live {
     /// The instance.
     pub instance: Instance,
     table: Option<TableWriter>,
+    epoch: u64,
     records: RecordPublisher,
     input: SampleSubscriber,
     driver: SamplePublisher,
     steps: [u64; 2],
-    _node: Node,
+    node: Node,
     // After all that lies in it.
     place: Place,
 }
@@ -41,24 +42,20 @@ impl Live {
         let records = RecordPublisher::create(&node, &instance).unwrap();
         let input = SampleSubscriber::create(&node, &instance, "imu", 64, 2).unwrap();
         let driver = SamplePublisher::open(&node, &instance, "imu").unwrap();
-        let access = Access {
-            group: None,
-            mode: 0o600,
-        };
-        let table = TableWriter::create(&instance.bounds_path(), &spec(&name), &access).unwrap();
-        table.heartbeat(monotonic_ns());
+        let table = table(&instance, ["front", "rear"]);
         Self {
             place: Place {
                 instance: instance.clone(),
                 directory,
             },
             instance,
+            epoch: table.epoch(),
             table: Some(table),
             records,
             input,
             driver,
             steps: [0; 2],
-            _node: node,
+            node,
         }
     }
 
@@ -78,8 +75,15 @@ impl Live {
 
     /// The next record of a diagnoser, in the table and in the stream.
     pub fn send_record(&mut self, slot: usize) {
+        let step = self.steps[slot];
+        self.steps[slot] += 1;
+        self.send_record_of(slot, step);
+    }
+
+    /// The record of a diagnoser for this step, in the table and in the stream.
+    pub fn send_record_of(&mut self, slot: usize, step: u64) {
         let mut record = StepRecord::new(1);
-        record.step = self.steps[slot];
+        record.step = step;
         record.instant_ns = monotonic_ns();
         record.verdict = Verdict::Nominal as u32;
         record.channels_mut()[0] = Channel {
@@ -88,18 +92,31 @@ impl Live {
             upper: 2.0,
             ratio: 0.25,
         };
-        self.steps[slot] += 1;
         if let Some(table) = &mut self.table {
             table.publish(slot, &record);
             table.heartbeat(monotonic_ns());
         }
-        self.records.send(slot, &record).unwrap();
+        self.records.send(self.epoch, slot, &record).unwrap();
     }
 
     /// The next sample of the input.
     pub fn send_sample(&mut self) {
         self.driver.send(monotonic_ns(), &[0.25]).unwrap();
         self.input.receive(|_, _, _| ());
+    }
+
+    /// Goes on with another table, as a daemon does when it reads its configuration again.
+    pub fn reload(&mut self, diagnosers: [&str; 2]) {
+        let table = table(&self.instance, diagnosers);
+        self.epoch = table.epoch();
+        self.table = Some(table);
+    }
+
+    /// Ends and starts anew at once, with another table and another publisher.
+    pub fn restart(&mut self, diagnosers: [&str; 2]) {
+        self.close_table();
+        self.records = RecordPublisher::create(&self.node, &self.instance).unwrap();
+        self.reload(diagnosers);
     }
 
     /// Closes the table, as a daemon does at its end.
@@ -120,7 +137,18 @@ impl Drop for Place {
     }
 }
 
-fn spec(instance: &str) -> TableSpec {
+fn table(instance: &Instance, diagnosers: [&str; 2]) -> TableWriter {
+    let access = Access {
+        group: None,
+        mode: 0o600,
+    };
+    let spec = spec(&instance.name.to_string(), diagnosers);
+    let table = TableWriter::create(&instance.bounds_path(), &spec, &access).unwrap();
+    table.heartbeat(monotonic_ns());
+    table
+}
+
+fn spec(instance: &str, diagnosers: [&str; 2]) -> TableSpec {
     let slot = |name: &str| SlotSpec {
         name: name.into(),
         method: "chi_square".into(),
@@ -135,7 +163,7 @@ fn spec(instance: &str) -> TableSpec {
     };
     TableSpec {
         instance: instance.into(),
-        slots: vec![slot("front"), slot("rear")],
+        slots: diagnosers.map(slot).into(),
         inputs: vec![InputSpec {
             name: "imu".into(),
             signals: vec!["ax".into()],

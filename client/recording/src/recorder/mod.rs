@@ -3,7 +3,8 @@
 //! One thread looks for records and samples every millisecond ([`Stream`]), another one writes them, so that a slow
 //! disk makes no losses as long as the queue between them has room. The file is flushed every second.
 //!
-//! A recording is of one life of the daemon: it ends when it is told to, or with the daemon.
+//! A recording is of one bounds table of the daemon: it ends when it is told to, with the daemon, or when the daemon
+//! reads its configuration again or is started anew. [`Stream::next`] is then the stream for the next recording.
 
 mod stream;
 mod write;
@@ -57,20 +58,22 @@ pub enum RecordError {
 }
 
 /// Records the diagnosers in `slots`, and the samples if the stream has them, into the new file `path` until `stop`
-/// is set, `duration` is over, or the daemon ends. The file is then whole.
+/// is set, `duration` is over, the daemon ends, or its table is replaced. The file is then whole.
 pub fn record(
-    mut stream: Stream,
+    stream: &mut Stream,
     path: &Path,
     slots: &[usize],
     duration: Option<Duration>,
     stop: &AtomicBool,
 ) -> Result<Totals, RecordError> {
-    let writer = Writer::create(path, stream.header().clone(), slots, stream.has_samples())?;
+    let mut writer = Writer::create(path, stream.header().clone(), slots, stream.has_samples())?;
+    writer.go_on_behind(&stream.sample_gaps);
     let (queue, batches) = sync_channel(QUEUE);
     let thread = thread::spawn(move || write::write(writer, &batches));
-    let end = look(&mut stream, duration, stop, |batch| queue.send(batch).is_ok());
+    let end = look(stream, duration, stop, |batch| queue.send(batch).is_ok());
     drop(queue);
     let (writer, written) = thread.join().map_err(|_| WriteError::Thread)??;
+    stream.sample_gaps = writer.sample_gaps();
     let mut totals = Totals {
         topics: written,
         lost_records: stream.lost_records(),
@@ -85,7 +88,8 @@ pub fn record(
     Ok(totals)
 }
 
-/// Hands all that comes to `take`, until `stop` is set, `duration` is over, the daemon ends, or `take` wants no more.
+/// Hands all that comes to `take`, until `stop` is set, `duration` is over, the daemon ends, its table is replaced, or
+/// `take` wants no more.
 pub fn look(
     stream: &mut Stream,
     duration: Option<Duration>,
@@ -98,8 +102,11 @@ pub fn look(
         let asked = stop.load(Ordering::Relaxed) || duration.is_some_and(|limit| begin.elapsed() >= limit);
         let batch = stream.look();
         if !batch.is_empty() {
-            // More may be under way.
-            ended = ended.map(|_| Instant::now());
+            // More may be under way. Samples are the drivers', who may go on without a daemon.
+            let is_record = |received: &Received| matches!(received, Received::Record { .. });
+            if batch.iter().any(is_record) {
+                ended = ended.map(|_| Instant::now());
+            }
             if !take(batch) {
                 return End::Asked;
             }
@@ -107,7 +114,13 @@ pub fn look(
         if asked {
             return End::Asked;
         }
+        if stream.has_later_records() {
+            return End::TableReplaced;
+        }
         match ended {
+            Some(since) if since.elapsed() >= LAST_RECORDS && stream.is_replaced() => {
+                return End::TableReplaced;
+            }
             Some(since) if since.elapsed() >= LAST_RECORDS => return End::DaemonEnded,
             None if stream.daemon_has_ended() => ended = Some(Instant::now()),
             _ => {}

@@ -60,7 +60,12 @@ pub struct Publication {
 impl RecordSink for Publication {
     fn publish(&mut self, slot: usize, record: &StepRecord) -> bool {
         self.table.publish(slot, record);
-        self.queue.push(Message::Record(slot, *record)).is_ok()
+        let message = Message::Record {
+            epoch: self.table.epoch(),
+            slot,
+            record: *record,
+        };
+        self.queue.push(message).is_ok()
     }
 
     fn alarm(&mut self, transition: &AlarmTransition) {

@@ -20,7 +20,7 @@ fn topics() -> BTreeMap<String, (Value, Option<Value>)> {
     let stage = Stage::new();
     let path = stage.files.path().join("example.mcap");
     let daemon = Daemon::start(&stage);
-    let stream = Stream::open(&stage.instance, true).unwrap();
+    let mut stream = Stream::open(&stage.instance, true).unwrap();
     let end = AtomicBool::new(false);
     std::thread::scope(|scope| {
         scope.spawn(|| {
@@ -33,7 +33,7 @@ fn topics() -> BTreeMap<String, (Value, Option<Value>)> {
             std::thread::sleep(Duration::from_millis(50));
             end.store(true, Ordering::Relaxed);
         });
-        recorder::record(stream, &path, &[0], None, &end).unwrap();
+        recorder::record(&mut stream, &path, &[0], None, &end).unwrap();
     });
     daemon.stop();
     let bytes = std::fs::read(&path).unwrap();

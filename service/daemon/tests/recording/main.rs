@@ -76,11 +76,11 @@ cusum = 8.0
 fn record_until_told_to_end() {
     let Some(instance) = instance() else { return };
     let stop = support::helper::told_to_end();
-    let stream = Stream::open(&instance, true).unwrap();
+    let mut stream = Stream::open(&instance, true).unwrap();
     println!("recording");
     let slots = stream.slots(&[]).unwrap();
     let path = PathBuf::from(std::env::var_os(OUTPUT).unwrap());
-    let totals = recorder::record(stream, &path, &slots, None, &stop).unwrap();
+    let totals = recorder::record(&mut stream, &path, &slots, None, &stop).unwrap();
     println!("{totals:?}");
 }
 
@@ -256,14 +256,60 @@ fn a_killed_recorder_leaves_a_file_that_is_read_up_to_its_last_second() {
     daemon.stop();
 }
 
+/// The records of a diagnoser lie at schedule epoch + step · period: those of another one do not.
+#[test]
+fn after_a_reload_that_exchanges_two_diagnosers_no_record_stands_under_a_wrong_name() {
+    let mut stage = support::scalar::stage();
+    stage.set_diagnoser("sample_time_s", 0.02);
+    let daemon = Daemon::start(&stage);
+    let mut stream = Stream::open(&stage.instance, false).unwrap();
+    let paths = ["before.mcap", "behind.mcap"].map(|name| stage.files.path().join(name));
+    let never = AtomicBool::new(false);
+    stage.diagnosers().swap(0, 1);
+    stage.configuration_file();
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            std::thread::sleep(Duration::from_millis(300));
+            daemon.signal(nix::sys::signal::Signal::SIGHUP);
+        });
+        let limit = Some(Duration::from_secs(60));
+        let totals = recorder::record(&mut stream, &paths[0], &[0, 1], limit, &never).unwrap();
+        assert_eq!(totals.end, Some(End::TableReplaced));
+    });
+    let mut stream = stream.next().unwrap();
+    let limit = Some(Duration::from_millis(300));
+    recorder::record(&mut stream, &paths[1], &[0, 1], limit, &never).unwrap();
+    daemon.stop();
+    for (path, first) in paths.iter().zip(["stable_system", "unstable_system"]) {
+        let header = Reader::open(path).unwrap().header().clone();
+        assert_eq!(header.diagnosers[0].name, first);
+        let (events, totals) = read(path);
+        let totals = totals.unwrap();
+        assert!(totals.is_complete(), "{totals:?}");
+        for (slot, diagnoser) in header.diagnosers.iter().enumerate().take(2) {
+            let records = records_of(&events, slot);
+            assert!(records.len() > 5, "{}: {}", diagnoser.name, records.len());
+            let begin_ns = header.schedule_epoch_ns + diagnoser.phase_ns;
+            for record in records {
+                let expected_ns = begin_ns + record.step * diagnoser.period_ns;
+                assert_eq!(
+                    record.instant_ns, expected_ns,
+                    "{} {}",
+                    diagnoser.name, record.step
+                );
+            }
+        }
+    }
+}
+
 #[test]
 fn what_cannot_be_replayed_is_refused_with_the_reason() {
     let stage = stage();
     let path = stage.files.path().join("short.mcap");
     let daemon = Daemon::start(&stage);
-    let stream = Stream::open(&stage.instance, false).unwrap();
+    let mut stream = Stream::open(&stage.instance, false).unwrap();
     let never = AtomicBool::new(false);
-    recorder::record(stream, &path, &[0], Some(Duration::from_millis(100)), &never).unwrap();
+    recorder::record(&mut stream, &path, &[0], Some(Duration::from_millis(100)), &never).unwrap();
     daemon.stop();
     let refused = |stage: &Stage, path: &Path, arguments: &[&str], phrase: &str| {
         let finished = replay(stage, path, arguments);

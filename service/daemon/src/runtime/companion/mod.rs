@@ -51,8 +51,15 @@ const CLEANING_PERIOD: Duration = Duration::from_secs(5);
     reason = "a record is copied once into the queue, never moved on"
 )]
 pub enum Message {
-    /// The record of the diagnoser in a slot.
-    Record(usize, StepRecord),
+    /// A step record.
+    Record {
+        /// Epoch of the table that the slot belongs to.
+        epoch: u64,
+        /// The diagnoser's slot.
+        slot: usize,
+        /// The record.
+        record: StepRecord,
+    },
     /// New counters of one input or one diagnoser.
     Counters(CounterReport),
     /// What follows is of another configuration.
@@ -174,7 +181,7 @@ impl Worker {
             self.alarms.look();
             while let Ok(message) = self.queue.pop() {
                 match message {
-                    Message::Record(slot, record) => self.records.send(slot, &record),
+                    Message::Record { epoch, slot, record } => self.records.send(epoch, slot, &record),
                     Message::Counters(report) => self.log.counters(&report),
                     Message::Reloaded(introduction) => {
                         self.log = ChangeLog::new(introduction.names);

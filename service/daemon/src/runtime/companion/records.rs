@@ -18,8 +18,8 @@ impl RecordRelay {
         }
     }
 
-    pub(super) fn send(&mut self, slot: usize, record: &StepRecord) {
-        if let Err(error) = self.publisher.send(slot, record) {
+    pub(super) fn send(&mut self, epoch: u64, slot: usize, record: &StepRecord) {
+        if let Err(error) = self.publisher.send(epoch, slot, record) {
             if self.undelivered == 0 {
                 warn!(%error, "cannot send step records to recorders");
             }
