@@ -59,6 +59,14 @@ pub enum Error {
     /// A recording has no such diagnoser or channel, or nothing to draw of it.
     #[error("{0}")]
     Selection(String),
+    /// A file cannot be made, or is there already.
+    #[error("cannot create `{path}`: {source}; choose another file with --output")]
+    Create {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
     /// A file cannot be written.
     #[error("cannot write `{path}`: {source}")]
     File {
@@ -115,6 +123,7 @@ impl Error {
             | Self::Request(_)
             | Self::Record(_)
             | Self::Recording(_)
+            | Self::Create { .. }
             | Self::File { .. }
             | Self::Chart(_)
             | Self::Listen { .. }

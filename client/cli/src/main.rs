@@ -7,6 +7,7 @@ mod error;
 mod export;
 mod generate;
 mod instances;
+mod new_file;
 mod number;
 mod plot;
 mod record;

@@ -215,6 +215,37 @@ fn csv_has_a_line_a_record_and_the_numbers_with_all_digits() {
 }
 
 #[test]
+fn a_file_that_is_there_is_never_written() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = recording(&directory);
+    let recorded = fs::read(&path).unwrap();
+    let name = path.to_str().unwrap();
+    let plots = path.with_extension("plots");
+    fs::create_dir(&plots).unwrap();
+    let (picture, table) = (plots.join("rear.yaw_rate.svg"), directory.path().join("a.rear.csv"));
+    for file in [&picture, &table] {
+        fs::write(file, "precious").unwrap();
+    }
+    let tables = directory.path().join("a.csv");
+    for arguments in [
+        &["export", "csv", "--diagnoser", "front", "--output", name][..],
+        &["export", "csv", "--output", tables.to_str().unwrap()],
+        &["plot"],
+    ] {
+        let output = run(arguments, &path);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+        let said = text(&output.stderr);
+        assert!(said.contains("exists") && said.contains("choose another file with --output"), "{said}");
+    }
+    assert_eq!(fs::read(&path).unwrap(), recorded);
+    for file in [&picture, &table] {
+        assert_eq!(fs::read(file).unwrap(), b"precious");
+    }
+    // Nor are those that could have been written.
+    assert!(!plots.join("front.force.svg").exists() && !tables.with_extension("front.csv").exists());
+}
+
+#[test]
 fn csv_of_a_live_daemon_comes_line_by_line() {
     let mut live = Live::start();
     let mut command = live.command(&[

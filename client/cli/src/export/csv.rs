@@ -1,6 +1,5 @@
 //! `residual export csv`.
 
-use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -12,7 +11,7 @@ use residual_recording::recorder::{self, Received, Stream};
 use residual_recording::{Event, Header, Reader, RecordMessage, columns};
 
 use crate::error::Error;
-use crate::instances;
+use crate::{instances, new_file};
 use crate::plot::refuse_unknown;
 use crate::record::LOST;
 use crate::until::{self, seconds};
@@ -29,8 +28,8 @@ pub struct CsvArguments {
     /// Exports the records of this diagnoser only; may be given several times.
     #[arg(long = "diagnoser", value_name = "NAME")]
     diagnosers: Vec<String>,
-    /// The file; of several diagnosers each gets its own, FILE.DIAGNOSER.csv. Default: standard output, for a single
-    /// diagnoser.
+    /// The file, which must not be there yet; of several diagnosers each gets its own, FILE.DIAGNOSER.csv. Default:
+    /// standard output, for a single diagnoser.
     #[arg(long, short, value_name = "FILE.csv")]
     output: Option<PathBuf>,
     /// With `live`: name of the instance; may be left out if there is only one.
@@ -113,6 +112,15 @@ impl Lines {
             .iter()
             .filter(|diagnoser| wanted(&diagnoser.name))
             .count();
+        let own = |path: &Path, name: &str| match count {
+            1 => path.to_owned(),
+            _ => path.with_extension(format!("{name}.csv")),
+        };
+        if let Some(path) = &arguments.output {
+            for diagnoser in header.diagnosers.iter().filter(|diagnoser| wanted(&diagnoser.name)) {
+                new_file::refuse_existing(&own(path, &diagnoser.name))?;
+            }
+        }
         let mut files = Vec::new();
         for diagnoser in &header.diagnosers {
             if !wanted(&diagnoser.name) {
@@ -120,13 +128,7 @@ impl Lines {
                 continue;
             }
             let into: Box<dyn Write> = match &arguments.output {
-                Some(path) => {
-                    let own = match count {
-                        1 => path.clone(),
-                        _ => path.with_extension(format!("{}.csv", diagnoser.name)),
-                    };
-                    Box::new(File::create(&own).map_err(|source| Error::File { path: own, source })?)
-                }
+                Some(path) => Box::new(new_file::create(&own(path, &diagnoser.name))?),
                 None if count == 1 => Box::new(io::stdout()),
                 None => {
                     return Err(Error::Selection(format!(

@@ -3,6 +3,7 @@
 mod history;
 
 use std::fs;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -10,6 +11,7 @@ use residual_chart::Chart;
 use residual_recording::Reader;
 
 use crate::error::Error;
+use crate::new_file;
 use history::History;
 
 /// What to draw, and where to.
@@ -25,7 +27,7 @@ pub struct PlotArguments {
     #[arg(long = "channel", value_name = "NAME")]
     channels: Vec<String>,
     /// A directory for one file a channel, DIAGNOSER.CHANNEL.svg; or, for a single channel, a file that ends with .svg
-    /// or .png. Default: the recording's name with the extension `plots`.
+    /// or .png. No file may be there yet. Default: the recording's name with the extension `plots`.
     #[arg(long, short, value_name = "DIRECTORY|FILE")]
     output: Option<PathBuf>,
     /// Draws PNG files instead of SVG files.
@@ -66,8 +68,12 @@ pub fn run(arguments: &PlotArguments) -> Result<u8, Error> {
                 source,
             })?;
             let extension = if arguments.png { "png" } else { "svg" };
+            let path = |name: &str| output.join(format!("{name}.{extension}"));
+            for (name, _) in charts {
+                new_file::refuse_existing(&path(name))?;
+            }
             for (name, chart) in charts {
-                write(&output.join(format!("{name}.{extension}")), chart, arguments.png)?;
+                write(&path(name), chart, arguments.png)?;
             }
             Ok(0)
         }
@@ -80,10 +86,12 @@ fn write(path: &Path, chart: &Chart, png: bool) -> Result<(), Error> {
     } else {
         chart.svg()?.into_bytes()
     };
-    fs::write(path, bytes).map_err(|source| Error::File {
-        path: path.into(),
-        source,
-    })?;
+    new_file::create(path)?
+        .write_all(&bytes)
+        .map_err(|source| Error::File {
+            path: path.into(),
+            source,
+        })?;
     println!("{}", path.display());
     Ok(())
 }
