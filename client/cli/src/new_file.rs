@@ -1,6 +1,6 @@
 //! Files that are written: never in the place of one that is there.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io;
 use std::path::Path;
 
@@ -20,8 +20,14 @@ pub fn refuse_existing(path: &Path) -> Result<(), Error> {
     }
 }
 
+/// Refuses a file that could not be created; leaves none.
+pub fn check(path: &Path) -> Result<(), Error> {
+    create(path)?;
+    fs::remove_file(path).map_err(|source| failed(path, source))
+}
+
 /// Why the file was not created.
-pub fn failed(path: &Path, source: io::Error) -> Error {
+fn failed(path: &Path, source: io::Error) -> Error {
     Error::Create {
         path: path.into(),
         source,

@@ -62,12 +62,15 @@ fn said(output: &Output) -> String {
 #[test]
 fn a_recording_ends_whole_on_each_signal_and_holds_all_that_came_before() {
     let mut live = Live::start();
+    let configuration = live.file("some.toml");
+    std::fs::write(&configuration, "").unwrap();
+    let configuration = configuration.to_str().unwrap();
     for (number, end) in [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP]
         .into_iter()
         .enumerate()
     {
         let path = live.file(&format!("{number}.mcap"));
-        let child = start(&live, &path, &["--samples", "--configuration", "some.toml"]);
+        let child = start(&live, &path, &["--samples", "--configuration", configuration]);
         for _ in 0..20 {
             live.send_sample();
             live.send_record(0);
@@ -179,8 +182,15 @@ fn mistakes_are_refused_before_anything_is_written() {
     std::fs::write(&path, "precious").unwrap();
     for (arguments, code, phrase) in [
         (vec!["--diagnoser", "side"], 2, "it has front, rear"),
-        (vec!["--duration=-1"], 2, "no time that can be waited for"),
-        (vec![], 1, "choose another file"),
+        (vec!["--duration=-1"], 2, "above 0"),
+        (vec!["--duration", "0"], 2, "above 0"),
+        (vec!["--duration", "nan"], 2, "above 0"),
+        (vec!["--configuration", "/nowhere.toml"], 2, "No such file"),
+        (
+            vec![],
+            1,
+            "taken.mcap`: File exists (os error 17); choose another file",
+        ),
     ] {
         let output = live
             .command(&["record", "--output", path.to_str().unwrap()])
@@ -189,6 +199,7 @@ fn mistakes_are_refused_before_anything_is_written() {
             .unwrap();
         assert_eq!(output.status.code(), Some(code), "{}", said(&output));
         assert!(said(&output).contains(phrase), "{}", said(&output));
+        assert!(!said(&output).contains("recording to"), "{}", said(&output));
     }
     assert_eq!(std::fs::read(&path).unwrap(), b"precious");
 }
