@@ -2,6 +2,7 @@
 
 mod alarms;
 mod arguments;
+mod completeness;
 mod ctl;
 mod error;
 mod export;

@@ -10,11 +10,12 @@ use residual_client::InstanceName;
 use residual_recording::recorder::{self, Received, Stream};
 use residual_recording::{Event, Header, Reader, RecordMessage, columns};
 
+use crate::completeness;
 use crate::error::Error;
-use crate::{instances, new_file};
 use crate::plot::refuse_unknown;
 use crate::record::LOST;
 use crate::until::{self, seconds};
+use crate::{instances, new_file};
 
 /// What stands for a running daemon in the place of a recording.
 const LIVE: &str = "live";
@@ -45,6 +46,12 @@ pub fn run(arguments: &CsvArguments, runtime_directory: &Path) -> Result<u8, Err
     if arguments.source.as_os_str() == LIVE {
         return live(arguments, runtime_directory);
     }
+    if arguments.instance.is_some() || arguments.duration.is_some() {
+        return Err(Error::Selection(
+            "--instance and --duration are for `live` alone; a recording is exported from beginning to end"
+                .into(),
+        ));
+    }
     let mut reader = Reader::open(&arguments.source)?;
     let mut lines = Lines::begin(arguments, reader.header())?;
     while let Some(event) = reader.next_event()? {
@@ -53,6 +60,7 @@ pub fn run(arguments: &CsvArguments, runtime_directory: &Path) -> Result<u8, Err
         }
     }
     lines.flush()?;
+    completeness::tell(&reader);
     Ok(0)
 }
 
@@ -117,7 +125,11 @@ impl Lines {
             _ => path.with_extension(format!("{name}.csv")),
         };
         if let Some(path) = &arguments.output {
-            for diagnoser in header.diagnosers.iter().filter(|diagnoser| wanted(&diagnoser.name)) {
+            for diagnoser in header
+                .diagnosers
+                .iter()
+                .filter(|diagnoser| wanted(&diagnoser.name))
+            {
                 new_file::refuse_existing(&own(path, &diagnoser.name))?;
             }
         }
@@ -169,6 +181,10 @@ impl Lines {
     }
 }
 
+/// The system's error stays as it is, so that a pipe whose reader has seen enough is known as one.
 fn output_error(error: csv::Error) -> Error {
-    Error::Output(error.into())
+    Error::Output(match error.into_kind() {
+        csv::ErrorKind::Io(source) => source,
+        other => io::Error::other(format!("{other:?}")),
+    })
 }
