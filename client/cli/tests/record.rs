@@ -96,6 +96,22 @@ fn a_recording_ends_whole_on_each_signal_and_holds_all_that_came_before() {
 }
 
 #[test]
+fn signals_that_come_at_once_after_the_first_leave_the_recording_whole() {
+    let mut live = Live::start();
+    let path = live.file("group.mcap");
+    let child = start(&live, &path, &[]);
+    live.send_record(0);
+    std::thread::sleep(Duration::from_millis(50));
+    for end in [Signal::SIGTERM, Signal::SIGTERM, Signal::SIGHUP] {
+        signal(&child, end);
+        std::thread::sleep(Duration::from_micros(200));
+    }
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert_eq!(read(&path).2.unwrap().end, Some(End::Asked));
+}
+
+#[test]
 fn only_the_named_diagnosers_are_recorded_for_the_given_time() {
     let mut live = Live::start();
     let path = live.file("rear.mcap");
