@@ -88,6 +88,6 @@ pub enum Command {
     #[command(after_help = EXIT_CODES)]
     Alarms(AlarmOptions),
     /// Writes shell completions or man pages.
-    #[command(subcommand, hide = true)]
+    #[command(subcommand)]
     Generate(Generated),
 }
