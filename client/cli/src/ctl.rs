@@ -13,6 +13,7 @@ use residual_client::{
 use serde::Serialize;
 
 use crate::arguments::EXIT_CODES;
+use crate::entry;
 use crate::error::Error;
 use crate::instances;
 use crate::until::seconds;
@@ -220,7 +221,7 @@ fn write_listing(output: &mut impl Write, listing: &Listing) -> io::Result<()> {
 }
 
 fn write_description(output: &mut impl Write, diagnoser: &DiagnoserDescription) -> io::Result<()> {
-    let mut entry = |name: &str, value: &str| writeln!(output, "{name:<20} {value}");
+    let mut entry = |name: &str, value: &str| entry::write(output, name, value);
     entry("diagnoser", &diagnoser.name)?;
     entry("slot", &diagnoser.slot.to_string())?;
     entry("method", &diagnoser.method)?;

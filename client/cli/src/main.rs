@@ -4,6 +4,7 @@ mod alarms;
 mod arguments;
 mod completeness;
 mod ctl;
+mod entry;
 mod error;
 mod export;
 mod generate;
