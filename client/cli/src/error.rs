@@ -26,7 +26,8 @@ pub enum Error {
     #[error("there are several instances: {}; choose one with --instance", .0.join(", "))]
     SeveralInstances(Vec<String>),
     /// The runtime directory cannot be listed.
-    #[error("cannot look for instances in {}: {source}", directory.display())]
+    #[error("cannot look for instances in {}: {source}; start the daemon, or name its directory with \
+             --runtime-directory", directory.display())]
     RuntimeDirectory {
         /// The directory.
         directory: PathBuf,
@@ -103,6 +104,16 @@ pub enum Error {
 }
 
 impl Error {
+    /// Whether there is no instance of the name that was given.
+    pub fn is_missing_instance(&self) -> bool {
+        matches!(
+            self,
+            Self::Open(OpenError::NotFound { .. })
+                | Self::Request(RequestError::NoDaemon { .. })
+                | Self::Record(RecordError::Table(OpenError::NotFound { .. }))
+        )
+    }
+
     /// The exit code.
     pub fn exit_code(&self) -> u8 {
         match self {

@@ -43,7 +43,10 @@ pub fn hint(directory: &Path) -> String {
         .collect();
     names.sort();
     match names.as_slice() {
-        [] => format!("; there is no instance in {}", directory.display()),
+        [] => format!(
+            "; there is no instance in {}, name the daemon's directory with --runtime-directory",
+            directory.display()
+        ),
         _ => format!(
             "; the instances in {} are {}",
             directory.display(),

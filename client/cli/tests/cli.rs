@@ -171,7 +171,10 @@ fn without_a_daemon_the_message_says_where_it_was_looked_for() {
     assert_eq!(output.status.code(), Some(3));
     let message = text(&output.stderr);
     assert!(
-        message.contains("residuald.other.bounds") && message.contains("running"),
+        message.contains("residuald.other.bounds")
+            && message.contains("running")
+            && message.contains("the instances in")
+            && message.ends_with("are test\n"),
         "{message}"
     );
     let empty = tempfile::tempdir().unwrap();
@@ -180,6 +183,14 @@ fn without_a_daemon_the_message_says_where_it_was_looked_for() {
         let output = daemon.run(&["--runtime-directory", directory, command]);
         assert_eq!(output.status.code(), Some(3));
         assert!(text(&output.stderr).contains(directory));
+    }
+    for more in [&[][..], &["--instance", "test"]] {
+        let arguments = [&["--runtime-directory", "/nowhere", "status"], more].concat();
+        let message = text(&daemon.run(&arguments).stderr);
+        assert!(
+            message.contains("directory with --runtime-directory"),
+            "{message}"
+        );
     }
 }
 
@@ -210,7 +221,8 @@ fn wrong_usage_is_refused_with_help() {
     let output = daemon.run(&["watch", "--diagnoser", "middle"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output.stderr).contains("front, rear"));
-    assert!(text(&daemon.run(&["--help"]).stdout).contains("Exit codes"));
+    let help = text(&daemon.run(&["--help"]).stdout);
+    assert!(help.contains("Exit codes") && help.contains("generate"), "{help}");
 }
 
 #[test]
