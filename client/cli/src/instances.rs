@@ -34,7 +34,7 @@ pub fn choose(name: Option<&InstanceName>, directory: &Path) -> Result<Instance,
     }
 }
 
-/// What to add where a named instance is not there: the ones that are.
+/// What to add, in parentheses, where a named instance is not there: the ones that are.
 pub fn hint(directory: &Path) -> String {
     let mut names: Vec<_> = list(directory)
         .unwrap_or_default()
@@ -44,11 +44,11 @@ pub fn hint(directory: &Path) -> String {
     names.sort();
     match names.as_slice() {
         [] => format!(
-            "; there is no instance in {}, name the daemon's directory with --runtime-directory",
+            " (there is no instance in {}; name the daemon's directory with --runtime-directory)",
             directory.display()
         ),
         _ => format!(
-            "; the instances in {} are {}",
+            " (the instances in {} are {})",
             directory.display(),
             names.join(", ")
         ),

@@ -200,7 +200,7 @@ fn mistakes_and_an_ended_daemon_have_their_exit_codes() {
         let output = daemon.command(arguments).output().unwrap();
         String::from_utf8(output.stderr).unwrap()
     };
-    assert!(said(&daemon, &["--instance", "other"]).contains("are test\n"));
+    assert!(said(&daemon, &["--instance", "other"]).contains("are test)\n"));
     assert_eq!(said(&daemon, &[]), "");
     assert!(said(&daemon, &["--since", "now"]).contains("runs and has no such alarm transition"));
     daemon.writer.close();

@@ -174,7 +174,7 @@ fn without_a_daemon_the_message_says_where_it_was_looked_for() {
         message.contains("residuald.other.bounds")
             && message.contains("running")
             && message.contains("the instances in")
-            && message.ends_with("are test\n"),
+            && message.ends_with("are test)\n"),
         "{message}"
     );
     let empty = tempfile::tempdir().unwrap();

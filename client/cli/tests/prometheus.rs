@@ -258,7 +258,7 @@ fn an_instance_without_table_is_told_with_those_that_have_one() {
     child.kill().unwrap();
     child.wait().unwrap();
     assert!(
-        told.contains("residual_up is 0") && told.ends_with(&live.instance.name.to_string()),
+        told.contains("residual_up is 0") && told.ends_with(&format!("are {})", live.instance.name)),
         "{told}"
     );
 }
