@@ -5,13 +5,16 @@ use std::io::IsTerminal as _;
 
 use iceoryx2_log::{Log, LogLevel};
 use tracing_appender::non_blocking::{NonBlocking, WorkerGuard};
-use tracing_subscriber::filter::ParseError;
+use tracing_subscriber::filter::{LevelFilter, ParseError};
 use tracing_subscriber::layer::SubscriberExt as _;
 use tracing_subscriber::util::SubscriberInitExt as _;
 use tracing_subscriber::{EnvFilter, Registry, fmt, reload};
 
 /// Environment variable that overrides the configured filter.
 pub const FILTER_VARIABLE: &str = "RESIDUALD_LOG";
+
+/// The crates that write to the log; their modules begin with these names.
+const CRATES: [&str; 2] = ["residual", "iceoryx2"];
 
 /// Starts the log with the given filter (for example `info` or `warn,residuald=debug`); its filter can be changed
 /// later.
@@ -20,9 +23,9 @@ pub const FILTER_VARIABLE: &str = "RESIDUALD_LOG";
 ///
 /// # Errors
 /// The filter is none.
-pub fn start(filter: &str) -> Result<(WorkerGuard, LogFilter), ParseError> {
+pub fn start(filter: &str) -> Result<(WorkerGuard, LogFilter), FilterError> {
     let filter = std::env::var(FILTER_VARIABLE).unwrap_or_else(|_| filter.into());
-    let (filter, handle) = reload::Layer::new(EnvFilter::try_new(filter)?);
+    let (filter, handle) = reload::Layer::new(parse(&filter)?);
     let (writer, guard) = NonBlocking::new(std::io::stderr());
     let lines = fmt::layer()
         .with_writer(writer)
@@ -46,6 +49,9 @@ pub enum FilterError {
     /// It would switch the log off by an oversight.
     #[error("it is empty")]
     Empty,
+    /// It would switch off the log of everything else.
+    #[error("`{0}` is neither a level (error, warn, info, debug, trace, off) nor a crate of this program")]
+    Word(String),
     /// The log has ended.
     #[error("the log cannot be changed: {0}")]
     Log(#[from] reload::Error),
@@ -62,10 +68,28 @@ impl LogFilter {
     /// # Errors
     /// See [`FilterError`]; the filter is as before then.
     pub fn set(&self, filter: &str) -> Result<(), FilterError> {
-        if filter.trim().is_empty() {
-            return Err(FilterError::Empty);
-        }
-        Ok(self.0.reload(EnvFilter::try_new(filter)?)?)
+        Ok(self.0.reload(parse(filter)?)?)
+    }
+}
+
+/// The filter in a text.
+///
+/// # Errors
+/// See [`FilterError`]. A word alone that is neither a level nor a crate of this program is refused: it would be
+/// taken for the name of a crate, and switch off the log of all others.
+pub fn parse(filter: &str) -> Result<EnvFilter, FilterError> {
+    if filter.trim().is_empty() {
+        return Err(FilterError::Empty);
+    }
+    let is_known = |word: &&str| {
+        word.parse::<LevelFilter>().is_ok()
+            || word.contains(['=', '['])
+            || word.is_empty()
+            || CRATES.iter().any(|name| word.starts_with(name))
+    };
+    match filter.split(',').map(str::trim).find(|word| !is_known(word)) {
+        Some(word) => Err(FilterError::Word(word.into())),
+        None => Ok(EnvFilter::try_new(filter)?),
     }
 }
 
@@ -85,6 +109,28 @@ impl Log for IceoryxLog {
             LogLevel::Info => tracing::info!(target: "iceoryx2", "{message}"),
             LogLevel::Warn => tracing::warn!(target: "iceoryx2", "{message}"),
             LogLevel::Error | LogLevel::Fatal => tracing::error!(target: "iceoryx2", "{message}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_misspelt_level_is_refused_and_levels_crates_and_lists_are_taken() {
+        for filter in [
+            "info",
+            "OFF",
+            "warn,residuald=debug",
+            "residuald::runtime",
+            "iceoryx2=trace, error",
+            "other=info",
+        ] {
+            assert!(parse(filter).is_ok(), "{filter}");
+        }
+        for filter in ["debgu", "warn,inof", "", " "] {
+            assert!(parse(filter).is_err(), "{filter}");
         }
     }
 }

@@ -273,23 +273,22 @@ fn the_summary_for_people_names_diagnoser_and_inputs() {
 }
 
 #[test]
-fn a_second_signal_ends_the_daemon_at_once() {
-    // Both signals wait for a stopped process, so the second comes before the first has had an effect; only when
-    // two threads take them in the same instant does the daemon end in good order all the same.
-    let ended_at_once = (0..4).any(|_| {
+fn a_second_sigterm_changes_nothing_and_a_second_ctrl_c_ends_the_daemon_at_once() {
+    let twice = |signal| {
         let stage = Stage::new();
         let mut daemon = Daemon::start(&stage);
-        daemon.signal(Signal::SIGSTOP);
-        daemon.signal(Signal::SIGTERM);
-        daemon.signal(Signal::SIGINT);
-        daemon.signal(Signal::SIGCONT);
+        daemon.signal(signal);
+        std::thread::sleep(Duration::from_millis(1));
+        daemon.signal(signal);
         let code = daemon.wait().code();
         assert!(matches!(code, Some(0 | 1)), "{code:?}");
         assert_eq!(daemon.output().is_empty(), code == Some(1));
         // The next daemon clears away what this one left.
         Daemon::start(&stage).stop();
         stage.assert_only_table_and_lock_are_left();
-        code == Some(1)
-    });
-    assert!(ended_at_once);
+        code == Some(0)
+    };
+    assert!((0..3).all(|_| twice(Signal::SIGTERM)));
+    // The second comes a millisecond after the first: most often before the daemon has ended.
+    assert!((0..10).any(|_| !twice(Signal::SIGINT)));
 }

@@ -10,7 +10,7 @@
 
 use std::fs;
 use std::io;
-use std::os::unix::fs::PermissionsExt;
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use iceoryx2::config::Config;
@@ -21,6 +21,7 @@ use iceoryx2::prelude::{
 use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
 
 use crate::names::Instance;
+use nix::unistd::{Uid, User};
 
 mod alarm_events;
 mod control;
@@ -73,8 +74,19 @@ pub enum TransportError {
         /// What is needed, bytes.
         bytes: u64,
     },
+    /// Another user runs the instance.
+    #[error(
+        "the iceoryx2 services of instance `{instance}` (samples, step records, control) are open to the user \
+         `{user}` only, who runs it: work as that user (sudo -u {user} …), or read the bounds table instead"
+    )]
+    OtherUser {
+        /// The instance.
+        instance: String,
+        /// Name of the user, or the uid.
+        user: String,
+    },
     /// The node could not be created.
-    #[error("cannot join iceoryx2 of instance `{instance}`: {reason}; is another user running it?")]
+    #[error("cannot join iceoryx2 of instance `{instance}`: {reason}")]
     Node {
         /// The instance.
         instance: String,
@@ -100,6 +112,7 @@ pub enum TransportError {
 /// Opens a node of this process on the instance. Signals stay the process's own business.
 pub fn open_node(instance: &Instance) -> Result<Node, TransportError> {
     let root = instance.iceoryx_root();
+    refuse_other_users(instance, &root)?;
     create_private_directory(&root)?;
     room::check(instance)?;
     let config = configuration(instance)?;
@@ -147,6 +160,18 @@ fn configuration(instance: &Instance) -> Result<Config, TransportError> {
     config.global.set_root_path(&path);
     config.global.prefix = FileName::new(instance.iceoryx_prefix().as_bytes()).map_err(refused)?;
     Ok(config)
+}
+
+/// Says whose the instance is, where iceoryx2 would only say that it failed. Root may do everything.
+fn refuse_other_users(instance: &Instance, root: &Path) -> Result<(), TransportError> {
+    let own = Uid::effective();
+    match fs::metadata(root).map(|metadata| Uid::from_raw(metadata.uid())) {
+        Ok(owner) if owner != own && !own.is_root() => Err(TransportError::OtherUser {
+            instance: instance.name.to_string(),
+            user: (User::from_uid(owner).ok().flatten()).map_or_else(|| owner.to_string(), |user| user.name),
+        }),
+        _ => Ok(()),
+    }
 }
 
 fn create_private_directory(path: &Path) -> Result<(), TransportError> {

@@ -206,9 +206,10 @@ pub fn step_loop<'a>(
 
 fn signals() -> Result<Signals, io::Error> {
     let (stop, reload) = (Arc::new(AtomicBool::new(false)), Arc::default());
+    // In this order: the first Ctrl-C finds the flag unset and sets it, the second one ends the process. Not so a
+    // second SIGTERM: some supervisors send it to the process and then to its group, and mean one stop.
+    flag::register_conditional_shutdown(SIGINT, 1, Arc::clone(&stop))?;
     for signal in [SIGTERM, SIGINT] {
-        // In this order: the first signal finds the flag unset and sets it, the second one ends the process.
-        flag::register_conditional_shutdown(signal, 1, Arc::clone(&stop))?;
         flag::register(signal, Arc::clone(&stop))?;
     }
     flag::register(SIGHUP, Arc::clone(&reload))?;

@@ -4,11 +4,11 @@ use super::check_range;
 use crate::configuration::locate::Mistakes;
 use crate::configuration::schema::{Daemon, Group, Realtime};
 use crate::configuration::{DaemonSection, RealtimeSection};
+use crate::logging;
 use nix::unistd;
 use residual_shared::bounds_table::{MAX_ALARM_CAPACITY, MIN_ALARM_CAPACITY};
 use residual_shared::names::{Instance, InstanceName};
 use std::path::Path;
-use tracing_subscriber::EnvFilter;
 
 /// iceoryx2 puts sockets below its root directory, and their paths end at 108 bytes.
 const MAX_ICEORYX_ROOT: usize = 60;
@@ -86,7 +86,7 @@ pub(in crate::configuration) fn daemon(
             ),
         );
     }
-    if let Err(error) = EnvFilter::try_new(&section.log) {
+    if let Err(error) = logging::parse(&section.log) {
         mistakes.at(
             "daemon.log",
             format!("`{}` is not a log filter: {error}", section.log),
