@@ -24,11 +24,12 @@ use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::Ordering;
 use std::thread::sleep;
 use std::time::Duration;
 
 use hdrhistogram::Histogram;
+use iceoryx2::port::listener::Listener;
 use iceoryx2::prelude::{Node, NodeBuilder, SignalHandlingMode, ipc};
 use iceoryx2::service::port_factory::event::PortFactory;
 use residual_benches::shared_words::SharedWords;
@@ -49,7 +50,9 @@ const PATIENCE: Duration = Duration::from_secs(10);
 const FUTEX: usize = 0;
 const FUTEX_STAMP: usize = 8;
 const EVENT_STAMP: usize = 16;
-const WORDS: usize = 24;
+/// How often the consumer of each way has been woken.
+const WOKEN: [usize; 3] = [24, 32, 40];
+const WORDS: usize = 48;
 
 /// Tells a process of this program that it is the consumer of a way; the value is `WAY ROUNDS DIRECTORY`.
 const CONSUMER: &str = "RESIDUAL_ALARM_WAKE_CONSUMER";
@@ -93,7 +96,8 @@ fn produce(rounds: usize) {
     for round in 0..rounds {
         for turn in 0..WAYS.len() {
             sleep(PAUSE);
-            match (round + turn) % WAYS.len() {
+            let way = (round + turn) % WAYS.len();
+            match way {
                 0 => {
                     words.word(FUTEX_STAMP).store(monotonic_ns(), Ordering::Relaxed);
                     let futex = words.half(FUTEX);
@@ -105,6 +109,9 @@ fn produce(rounds: usize) {
                     words.word(EVENT_STAMP).store(monotonic_ns(), Ordering::Release);
                     notifier.notify().expect("a notification");
                 }
+            }
+            while words.word(WOKEN[way]).load(Ordering::Relaxed) <= round as u64 {
+                sleep(PAUSE / 10);
             }
         }
     }
@@ -179,66 +186,54 @@ impl Consumer {
 }
 
 fn consume(way: usize, rounds: usize, place: &Path) {
-    let latencies = match way {
-        0 => by_futex(rounds, place),
-        1 => by_ring(rounds, place),
-        _ => by_event(rounds, place),
-    };
+    let words = SharedWords::open(&place.join("words")).expect("the file");
+    let table = TableReader::open(&place.join("bounds")).expect("the table");
+    let (_node, events) = event_service(place);
+    let listener = events.listener_builder().create().expect("a listener");
+    println!("ready");
+    let mut latencies = Vec::with_capacity(rounds);
+    for number in 1..=rounds as u64 {
+        latencies.push(match way {
+            0 => by_futex(&words, number),
+            1 => by_ring(&table, number),
+            _ => by_event(&words, &listener),
+        });
+        words.word(WOKEN[way]).store(number, Ordering::Relaxed);
+    }
     for latency in latencies {
         println!("{latency}");
     }
 }
 
-fn by_futex(rounds: usize, place: &Path) -> Vec<u64> {
-    let words = SharedWords::open(&place.join("words")).expect("the file");
-    let stamp: &AtomicU64 = words.word(FUTEX_STAMP);
-    let futex: &AtomicU32 = words.half(FUTEX);
+fn by_futex(words: &SharedWords, number: u64) -> u64 {
+    let futex = words.half(FUTEX);
     let patience = Timespec {
         tv_sec: PATIENCE.as_secs().cast_signed(),
         tv_nsec: 0,
     };
-    println!("ready");
-    (1..=rounds as u32)
-        .map(|value| {
-            while futex.load(Ordering::Acquire) < value {
-                let _ = futex::wait(futex, Flags::empty(), value - 1, Some(&patience));
-            }
-            monotonic_ns() - stamp.load(Ordering::Relaxed)
-        })
-        .collect()
-}
-
-fn by_ring(rounds: usize, place: &Path) -> Vec<u64> {
-    let table = TableReader::open(&place.join("bounds")).expect("the table");
-    println!("ready");
-    (1..=rounds as u64)
-        .map(|number| {
-            loop {
-                match table.read_alarm(number) {
-                    AlarmRead::Waiting => table.wait_for_alarm(number - 1, PATIENCE),
-                    AlarmRead::Transition(transition) => break monotonic_ns() - transition.written_ns,
-                    AlarmRead::Lost => unreachable!("one at a time"),
-                }
-            }
-        })
-        .collect()
-}
-
-fn by_event(rounds: usize, place: &Path) -> Vec<u64> {
-    let words = SharedWords::open(&place.join("words")).expect("the file");
-    let (_node, events) = event_service(place);
-    let listener = events.listener_builder().create().expect("a listener");
-    println!("ready");
-    let mut latencies = Vec::with_capacity(rounds);
-    while latencies.len() < rounds {
-        let mut now = None;
-        listener
-            .timed_wait(|_| _ = now.get_or_insert_with(monotonic_ns), PATIENCE)
-            .expect("a wait");
-        let now = now.expect("a notification in time");
-        latencies.push(now - words.word(EVENT_STAMP).load(Ordering::Acquire));
+    while futex.load(Ordering::Acquire) < number as u32 {
+        let _ = futex::wait(futex, Flags::empty(), number as u32 - 1, Some(&patience));
     }
-    latencies
+    monotonic_ns() - words.word(FUTEX_STAMP).load(Ordering::Relaxed)
+}
+
+fn by_ring(table: &TableReader, number: u64) -> u64 {
+    loop {
+        match table.read_alarm(number) {
+            AlarmRead::Waiting => table.wait_for_alarm(number - 1, PATIENCE),
+            AlarmRead::Transition(transition) => return monotonic_ns() - transition.written_ns,
+            AlarmRead::Lost => unreachable!("one at a time"),
+        }
+    }
+}
+
+fn by_event(words: &SharedWords, listener: &Listener<ipc::Service>) -> u64 {
+    let mut now = None;
+    listener
+        .timed_wait(|_| _ = now.get_or_insert_with(monotonic_ns), PATIENCE)
+        .expect("a wait");
+    let now = now.expect("a notification in time");
+    now - words.word(EVENT_STAMP).load(Ordering::Acquire)
 }
 
 fn event_service(place: &Path) -> (Node<ipc::Service>, PortFactory<ipc::Service>) {

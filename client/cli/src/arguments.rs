@@ -16,11 +16,12 @@ use crate::watch::WatchOptions;
 /// What the program's end tells.
 pub const EXIT_CODES: &str = "\
 Exit codes:
-  0  all is well; `status`: every diagnoser has judged its latest instant and none reports a fault
+  0  all is well; `status`: every diagnoser has judged its latest instant and neither a record nor an alarm
+     reports a fault
   1  an error, such as a table that may not be read; `ctl`: the daemon refused
   2  wrong usage
   3  there is no living daemon (the last state and the alarms it left are shown all the same)
-  4  `status`: a diagnoser reports a fault
+  4  `status`: a diagnoser reports a fault, or its alarm is raised, isolated or latched
   5  `status`: no fault is reported, but a diagnoser does not judge: stale, starting, not evaluated, or
      guarantee lost
   6  `ctl`: the daemon did not answer in time
@@ -59,8 +60,8 @@ pub enum Command {
     /// Shows every channel between its bounds, again and again.
     ///
     /// On a terminal: a list of the diagnosers, and of each its channels with a live plot; the last line shows the
-    /// keys, q ends it. Otherwise: one line for each new record; records that came and went between two looks are
-    /// counted as missed.
+    /// keys, q ends it. Otherwise: one line for each new record and each change of an alarm; records that came and went
+    /// between two looks are counted as missed.
     #[command(after_help = EXIT_CODES)]
     Watch {
         /// Name of the instance; may be left out if there is only one.
@@ -87,6 +88,6 @@ pub enum Command {
     #[command(after_help = EXIT_CODES)]
     Alarms(AlarmOptions),
     /// Writes shell completions or man pages.
-    #[command(subcommand, hide = true)]
+    #[command(subcommand)]
     Generate(Generated),
 }

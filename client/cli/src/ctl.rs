@@ -13,8 +13,10 @@ use residual_client::{
 use serde::Serialize;
 
 use crate::arguments::EXIT_CODES;
+use crate::entry;
 use crate::error::Error;
 use crate::instances;
+use crate::until::seconds;
 
 /// How long a checkpoint or a reload may take, unless told otherwise: a reload may have to find gains.
 const LONG_TIMEOUT: Duration = Duration::from_secs(120);
@@ -219,7 +221,7 @@ fn write_listing(output: &mut impl Write, listing: &Listing) -> io::Result<()> {
 }
 
 fn write_description(output: &mut impl Write, diagnoser: &DiagnoserDescription) -> io::Result<()> {
-    let mut entry = |name: &str, value: &str| writeln!(output, "{name:<20} {value}");
+    let mut entry = |name: &str, value: &str| entry::write(output, name, value);
     entry("diagnoser", &diagnoser.name)?;
     entry("slot", &diagnoser.slot.to_string())?;
     entry("method", &diagnoser.method)?;
@@ -260,14 +262,4 @@ fn write_description(output: &mut impl Write, diagnoser: &DiagnoserDescription) 
 
 fn milliseconds(nanoseconds: u64) -> String {
     format!("{} ms", nanoseconds as f64 / 1e6)
-}
-
-/// A time above 0, at most a day.
-fn seconds(text: &str) -> Result<Duration, String> {
-    let seconds: f64 = text.parse().map_err(|_| "it is not a number".to_owned())?;
-    if seconds > 0.0 && seconds <= 86_400.0 {
-        Ok(Duration::from_secs_f64(seconds))
-    } else {
-        Err("use a number above 0, at most 86400".into())
-    }
 }

@@ -26,7 +26,8 @@ pub enum Error {
     #[error("there are several instances: {}; choose one with --instance", .0.join(", "))]
     SeveralInstances(Vec<String>),
     /// The runtime directory cannot be listed.
-    #[error("cannot look for instances in {}: {source}", directory.display())]
+    #[error("cannot look for instances in {}: {source}; start the daemon, or name its directory with \
+             --runtime-directory", directory.display())]
     RuntimeDirectory {
         /// The directory.
         directory: PathBuf,
@@ -59,6 +60,14 @@ pub enum Error {
     /// A recording has no such diagnoser or channel, or nothing to draw of it.
     #[error("{0}")]
     Selection(String),
+    /// A file cannot be made, or is there already.
+    #[error("cannot create `{path}`: {source}; choose another file with --output")]
+    Create {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
     /// A file cannot be written.
     #[error("cannot write `{path}`: {source}")]
     File {
@@ -95,6 +104,16 @@ pub enum Error {
 }
 
 impl Error {
+    /// Whether there is no instance of the name that was given.
+    pub fn is_missing_instance(&self) -> bool {
+        matches!(
+            self,
+            Self::Open(OpenError::NotFound { .. })
+                | Self::Request(RequestError::NoDaemon { .. })
+                | Self::Record(RecordError::Table(OpenError::NotFound { .. }))
+        )
+    }
+
     /// The exit code.
     pub fn exit_code(&self) -> u8 {
         match self {
@@ -115,6 +134,7 @@ impl Error {
             | Self::Request(_)
             | Self::Record(_)
             | Self::Recording(_)
+            | Self::Create { .. }
             | Self::File { .. }
             | Self::Chart(_)
             | Self::Listen { .. }

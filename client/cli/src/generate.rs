@@ -133,7 +133,9 @@ mod tests {
         let command = Arguments::command();
         let mut names = Vec::new();
         pages_of(&command, "residual", &mut names);
-        assert!(names.contains(&"residual-ctl-reload.1".into()), "{names:?}");
+        for name in ["residual-ctl-reload.1", "residual-generate-man.1"] {
+            assert!(names.contains(&name.into()), "{names:?}");
+        }
         for name in names {
             let path = pages.join(&name);
             let page = fs::read_to_string(&path).unwrap_or_else(|error| panic!("{name}: {error}"));

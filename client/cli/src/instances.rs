@@ -34,6 +34,27 @@ pub fn choose(name: Option<&InstanceName>, directory: &Path) -> Result<Instance,
     }
 }
 
+/// What to add, in parentheses, where a named instance is not there: the ones that are.
+pub fn hint(directory: &Path) -> String {
+    let mut names: Vec<_> = list(directory)
+        .unwrap_or_default()
+        .iter()
+        .map(|instance| instance.name.to_string())
+        .collect();
+    names.sort();
+    match names.as_slice() {
+        [] => format!(
+            " (there is no instance in {}; name the daemon's directory with --runtime-directory)",
+            directory.display()
+        ),
+        _ => format!(
+            " (the instances in {} are {})",
+            directory.display(),
+            names.join(", ")
+        ),
+    }
+}
+
 /// All instances that have a bounds table in the directory.
 fn list(directory: &Path) -> Result<Vec<Instance>, Error> {
     let failed = |source| Error::RuntimeDirectory {

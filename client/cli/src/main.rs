@@ -2,11 +2,14 @@
 
 mod alarms;
 mod arguments;
+mod completeness;
 mod ctl;
+mod entry;
 mod error;
 mod export;
 mod generate;
 mod instances;
+mod new_file;
 mod number;
 mod plot;
 mod record;
@@ -29,7 +32,12 @@ fn main() -> ExitCode {
         // The reader of a pipe has seen enough: `residual watch | head`.
         Err(Error::Output(error)) if error.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("residual: {error}");
+            let hint = if error.is_missing_instance() {
+                instances::hint(&arguments.runtime_directory)
+            } else {
+                String::new()
+            };
+            eprintln!("residual: {error}{hint}");
             ExitCode::from(error.exit_code())
         }
     }

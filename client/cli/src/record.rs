@@ -1,8 +1,8 @@
 //! `residual record`: everything that a daemon says, in an MCAP file.
 
-use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+use std::{fs, io};
 
 use clap::Args;
 use residual_client::InstanceName;
@@ -12,8 +12,8 @@ use residual_recording::totals::End;
 use time::OffsetDateTime;
 
 use crate::error::Error;
-use crate::instances;
 use crate::until::{self, seconds};
+use crate::{instances, new_file};
 
 /// Exit code: the recording is whole, but something was lost on the way to it.
 pub const LOST: u8 = 7;
@@ -38,8 +38,8 @@ pub struct RecordArguments {
     /// Records this diagnoser only; may be given several times.
     #[arg(long = "diagnoser", value_name = "NAME")]
     diagnosers: Vec<String>,
-    /// Names the daemon's configuration file in the recording.
-    #[arg(long, value_name = "FILE.toml")]
+    /// Names the daemon's configuration file, which must be there, in the recording.
+    #[arg(long, value_name = "FILE.toml", value_parser = existing_file)]
     configuration: Option<PathBuf>,
 }
 
@@ -60,6 +60,7 @@ pub fn run(arguments: &RecordArguments, runtime_directory: &Path) -> Result<u8, 
     let mut is_complete = true;
     for number in 1.. {
         let path = numbered(&path, number);
+        new_file::check(&path)?;
         eprintln!("recording to {}", path.display());
         let left = arguments
             .duration
@@ -120,6 +121,14 @@ fn report(totals: &Totals, out: &mut impl io::Write) -> io::Result<()> {
             out,
             "LOST on the way from the daemon: {records} records, {samples} samples, {alarms} alarm transitions"
         ),
+    }
+}
+
+fn existing_file(path: &str) -> Result<PathBuf, String> {
+    match fs::metadata(path) {
+        Ok(found) if found.is_file() => Ok(path.into()),
+        Ok(_) => Err("it is no file".into()),
+        Err(error) => Err(error.to_string()),
     }
 }
 

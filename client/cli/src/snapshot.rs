@@ -51,7 +51,7 @@ pub struct DiagnoserView {
 }
 
 /// Where the alarm of a diagnoser stands.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct AlarmView {
     #[serde(serialize_with = "name_of_state")]
     pub state: AlarmState,
@@ -59,6 +59,26 @@ pub struct AlarmView {
     pub occurrences: u64,
     /// It stays until it is acknowledged.
     pub is_latched: bool,
+}
+
+impl AlarmView {
+    /// `isolated, latched, occurred 2 times`; what does not hold is left out.
+    pub fn text(&self) -> String {
+        let mut text = self.state.name().to_owned();
+        if self.is_latched {
+            text += ", latched";
+        }
+        match self.occurrences {
+            0 => text,
+            1 => text + ", occurred once",
+            more => text + &format!(", occurred {more} times"),
+        }
+    }
+
+    /// Whether it reports a fault, be it that of an earlier record.
+    pub fn is_fault(&self) -> bool {
+        self.state.is_active() || self.is_latched
+    }
 }
 
 fn name_of_state<S: Serializer>(state: &AlarmState, serializer: S) -> Result<S::Ok, S::Error> {

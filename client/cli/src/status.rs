@@ -8,7 +8,7 @@ use residual_client::{InputCounters, Monitor};
 use crate::error::{Error, NO_DAEMON};
 use crate::snapshot::{Condition, DiagnoserView, Snapshot};
 
-/// Exit code: a diagnoser reports a fault.
+/// Exit code: a diagnoser reports a fault, or its alarm does.
 const FAULT: u8 = 4;
 /// Exit code: a diagnoser does not judge.
 const NOT_JUDGED: u8 = 5;
@@ -37,6 +37,10 @@ fn write(output: &mut impl Write, snapshot: &Snapshot, json: bool) -> io::Result
 }
 
 fn exit_code(snapshot: &Snapshot) -> u8 {
+    let alarm = snapshot
+        .diagnosers
+        .iter()
+        .any(|diagnoser| diagnoser.alarm.is_fault());
     let any = |condition| {
         snapshot
             .diagnosers
@@ -45,7 +49,7 @@ fn exit_code(snapshot: &Snapshot) -> u8 {
     };
     if snapshot.daemon != "running" {
         NO_DAEMON
-    } else if any(Condition::Faulty) {
+    } else if alarm || any(Condition::Faulty) {
         FAULT
     } else if any(Condition::Unknown) {
         NOT_JUDGED
@@ -81,6 +85,7 @@ fn diagnoser_table(diagnosers: &[DiagnoserView]) -> Table {
         "freshness",
         "verdict",
         "faults",
+        "alarm",
         "worst channel",
         "ratio",
         "step",
@@ -106,6 +111,7 @@ fn diagnoser_table(diagnosers: &[DiagnoserView]) -> Table {
             Cell::new(diagnoser.freshness),
             Cell::new(if written { diagnoser.verdict } else { "-" }),
             Cell::new(faults(diagnoser)),
+            Cell::new(diagnoser.alarm.text()),
             Cell::new(worst.map_or("-", |channel| channel.name.as_str())),
             number(worst.map_or("-".into(), |channel| channel.ratio.short())),
             number(if written {

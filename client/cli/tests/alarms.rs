@@ -196,7 +196,16 @@ fn mistakes_and_an_ended_daemon_have_their_exit_codes() {
         assert_eq!(daemon.run(&arguments).1, 2, "{arguments:?}");
     }
     assert_eq!(daemon.run(&["--instance", "other"]).1, 3);
+    let said = |daemon: &Daemon, arguments: &[&str]| {
+        let output = daemon.command(arguments).output().unwrap();
+        String::from_utf8(output.stderr).unwrap()
+    };
+    assert!(said(&daemon, &["--instance", "other"]).contains("are test)\n"));
+    assert_eq!(said(&daemon, &[]), "");
+    assert!(said(&daemon, &["--since", "now"]).contains("runs and has no such alarm transition"));
     daemon.writer.close();
+    assert!(said(&daemon, &[]).contains("does not run; these are transitions that it left"));
+    assert!(said(&daemon, &["--since", "now"]).contains("does not run, and has left no such"));
     let (lines, code) = daemon.run(&[]);
     assert_eq!((lines.len(), code), (1, 3));
 }

@@ -7,6 +7,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
+use residual_shared::alarm::{AlarmState, AlarmTransition, alarm_flags};
 use residual_shared::counters::{InputCounters, ScheduleCounters};
 use residual_shared::names::Instance;
 use residual_shared::record::{Channel, Verdict};
@@ -64,6 +65,58 @@ fn status_shows_verdict_faults_worst_channel_and_counters() {
     assert_eq!(output.status.code(), Some(4));
 }
 
+/// The alarm of `front` becomes isolated and stays until it is acknowledged.
+fn latch(daemon: &mut Daemon) {
+    daemon.writer.raise(&AlarmTransition {
+        number: Default::default(),
+        written_ns: 0,
+        instant_ns: 70,
+        step: 7,
+        slot: 0,
+        identity: 0,
+        state: AlarmState::Isolated,
+        flags: alarm_flags::LATCHED,
+        verdict: Verdict::Isolated as u32,
+        occurrence: 2,
+        certainly_faulty: 0b10,
+        possibly_faulty: 0b10,
+        channel: 0,
+        ratio: 1.5,
+        fault_estimate: f64::NAN,
+        fault_estimate_half_width: f64::NAN,
+    });
+}
+
+#[test]
+fn an_alarm_that_outlives_the_fault_is_shown_and_counts_as_one() {
+    let mut daemon = Daemon::start();
+    daemon.publish_nominal();
+    latch(&mut daemon);
+    let output = daemon.run(&["status"]);
+    let shown = text(&output.stdout);
+    let front = shown.lines().find(|line| line.contains("front")).unwrap();
+    assert!(front.contains("isolated, latched, occurred 2 times"), "{shown}");
+    let rear = shown.lines().find(|line| line.contains("rear")).unwrap();
+    assert!(rear.contains("cleared") && !rear.contains("latched"), "{shown}");
+    assert_eq!(output.status.code(), Some(4));
+}
+
+#[test]
+fn watch_writes_a_line_when_an_alarm_changes() {
+    let mut daemon = Daemon::start();
+    daemon.publish_nominal();
+    let arguments = ["watch", "--diagnoser", "front", "--interval", "5", "--count", "2"];
+    let child = daemon.command(&arguments).stdout(Stdio::piped()).spawn().unwrap();
+    let mut child = Watching(child);
+    let mut lines = BufReader::new(child.0.stdout.take().unwrap())
+        .lines()
+        .map(Result::unwrap);
+    assert!(!lines.next().unwrap().contains("alarm"));
+    latch(&mut daemon);
+    let second = lines.next().unwrap();
+    assert_eq!(second, "front fresh | alarm isolated, latched, occurred 2 times");
+}
+
 #[test]
 fn json_has_every_channel_with_null_and_strings_for_numbers_it_cannot_hold() {
     let mut daemon = Daemon::start();
@@ -118,7 +171,10 @@ fn without_a_daemon_the_message_says_where_it_was_looked_for() {
     assert_eq!(output.status.code(), Some(3));
     let message = text(&output.stderr);
     assert!(
-        message.contains("residuald.other.bounds") && message.contains("running"),
+        message.contains("residuald.other.bounds")
+            && message.contains("running")
+            && message.contains("the instances in")
+            && message.ends_with("are test)\n"),
         "{message}"
     );
     let empty = tempfile::tempdir().unwrap();
@@ -127,6 +183,14 @@ fn without_a_daemon_the_message_says_where_it_was_looked_for() {
         let output = daemon.run(&["--runtime-directory", directory, command]);
         assert_eq!(output.status.code(), Some(3));
         assert!(text(&output.stderr).contains(directory));
+    }
+    for more in [&[][..], &["--instance", "test"]] {
+        let arguments = [&["--runtime-directory", "/nowhere", "status"], more].concat();
+        let message = text(&daemon.run(&arguments).stderr);
+        assert!(
+            message.contains("directory with --runtime-directory"),
+            "{message}"
+        );
     }
 }
 
@@ -157,7 +221,8 @@ fn wrong_usage_is_refused_with_help() {
     let output = daemon.run(&["watch", "--diagnoser", "middle"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output.stderr).contains("front, rear"));
-    assert!(text(&daemon.run(&["--help"]).stdout).contains("Exit codes"));
+    let help = text(&daemon.run(&["--help"]).stdout);
+    assert!(help.contains("Exit codes") && help.contains("generate"), "{help}");
 }
 
 #[test]

@@ -83,7 +83,11 @@ fn recording(directory: &TempDir) -> PathBuf {
             writer.write_alarm(&raised(step), 0).unwrap();
         }
     }
-    writer.finish(&Totals::default()).unwrap();
+    let totals = Totals {
+        lost_records: 3,
+        ..Totals::default()
+    };
+    writer.finish(&totals).unwrap();
     path
 }
 
@@ -170,6 +174,10 @@ fn one_channel_goes_into_one_file_and_a_png_is_one() {
         ),
         (&["plot", "--channel", "never"], "nothing to draw"),
         (&["export", "csv"], "choose one of front, rear"),
+        (&["export", "csv", "--duration", "1"], "for `live` alone"),
+        (&["export", "csv", "--instance", "car"], "for `live` alone"),
+        (&["plot", "--png", "--output", "w.svg"], "--png asks for PNG"),
+        (&["plot", "--output", "w.pdf"], "`w.pdf` ends with .pdf"),
     ] {
         let output = run(arguments, &path);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");
@@ -211,6 +219,85 @@ fn csv_has_a_line_a_record_and_the_numbers_with_all_digits() {
             .lines()
             .count(),
         101
+    );
+}
+
+#[test]
+fn a_file_that_is_there_is_never_written() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = recording(&directory);
+    let recorded = fs::read(&path).unwrap();
+    let name = path.to_str().unwrap();
+    let plots = path.with_extension("plots");
+    fs::create_dir(&plots).unwrap();
+    let (picture, table) = (
+        plots.join("rear.yaw_rate.svg"),
+        directory.path().join("a.rear.csv"),
+    );
+    for file in [&picture, &table] {
+        fs::write(file, "precious").unwrap();
+    }
+    let tables = directory.path().join("a.csv");
+    for arguments in [
+        &["export", "csv", "--diagnoser", "front", "--output", name][..],
+        &["export", "csv", "--output", tables.to_str().unwrap()],
+        &["plot"],
+    ] {
+        let output = run(arguments, &path);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+        let said = text(&output.stderr);
+        assert!(
+            said.contains("exists") && said.contains("choose another file with --output"),
+            "{said}"
+        );
+    }
+    assert_eq!(fs::read(&path).unwrap(), recorded);
+    for file in [&picture, &table] {
+        assert_eq!(fs::read(file).unwrap(), b"precious");
+    }
+    // Nor are those that could have been written.
+    assert!(!plots.join("front.force.svg").exists() && !tables.with_extension("front.csv").exists());
+}
+
+#[test]
+fn losses_and_a_missing_end_of_the_recording_are_told() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = recording(&directory);
+    let commands = [&["export", "csv", "--diagnoser", "rear"][..], &["plot"]];
+    for arguments in commands {
+        let said = text(&run(arguments, &path).stderr);
+        assert!(
+            said.contains("LOST on the way from the daemon to the recording: 3 records"),
+            "{said}"
+        );
+        assert!(!said.contains("no end"), "{said}");
+    }
+    fs::remove_dir_all(path.with_extension("plots")).unwrap();
+    let whole = fs::read(&path).unwrap();
+    fs::write(&path, &whole[..whole.len() - 200]).unwrap();
+    for arguments in commands {
+        let output = run(arguments, &path);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        assert!(
+            text(&output.stderr).contains("the recording has no end"),
+            "{}",
+            text(&output.stderr)
+        );
+    }
+}
+
+#[test]
+fn a_reader_of_the_pipe_that_leaves_ends_the_export_quietly() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = recording(&directory);
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_residual"));
+    command.args(["export", "csv", "--diagnoser", "front"]).arg(&path);
+    let output = command.stdout(writer).output().unwrap();
+    assert_eq!(
+        (output.status.code(), text(&output.stderr)),
+        (Some(0), String::new())
     );
 }
 

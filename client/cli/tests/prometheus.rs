@@ -38,10 +38,14 @@ impl Exporter {
 
     /// Head and body of the answer to a request.
     fn ask(&self, request: &str) -> (String, String) {
+        self.ask_with(request, "Accept: */*")
+    }
+
+    fn ask_with(&self, request: &str, header: &str) -> (String, String) {
         let mut stream = TcpStream::connect(&self.address).unwrap();
         write!(
             stream,
-            "{request} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n"
+            "{request} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n{header}\r\n\r\n"
         )
         .unwrap();
         let mut answer = String::new();
@@ -51,7 +55,8 @@ impl Exporter {
     }
 
     fn metrics(&self) -> Metrics {
-        let (head, body) = self.ask("GET /metrics");
+        let accept = "Accept: application/openmetrics-text;version=1.0.0;q=0.8,text/plain;q=0.5";
+        let (head, body) = self.ask_with("GET /metrics", accept);
         assert!(head.starts_with("HTTP/1.1 200"), "{head}");
         assert!(head.contains("openmetrics-text"), "{head}");
         parse(&body)
@@ -139,6 +144,7 @@ fn metrics_hold_the_newest_record_and_all_counters_by_the_conventions() {
     let mut live = Live::start();
     let exporter = Exporter::start(&live);
     live.send_record(0);
+    live.raise_alarm(4);
     let metrics = exporter.metrics();
     let instance = &live.instance.name;
     let own = |name: &str, labels: &str| format!("{name}{{{labels}instance=\"{instance}}}");
@@ -171,6 +177,11 @@ fn metrics_hold_the_newest_record_and_all_counters_by_the_conventions() {
     assert_eq!(of("residual_diagnoser_steps_total", ""), 0.0);
     assert!(of("residual_diagnoser_record_age_seconds", "") < 20.0);
     assert_eq!(of("residual_diagnoser_max_step_seconds", ""), 0.0);
+    assert_eq!(of("residual_alarm_state", "state=\"raised"), 1.0);
+    assert_eq!(of("residual_alarm_state", "state=\"cleared"), 0.0);
+    assert_eq!(of("residual_alarm_latched", ""), 1.0);
+    assert_eq!(of("residual_alarm_occurrences_total", ""), 4.0);
+    assert!(of("residual_alarm_newest_transition", "") > 0.0);
     let accepted = format!("residual_input_accepted_total{{input=\"imu,instance=\"{instance}}}");
     assert_eq!(metrics.value(&accepted), 0.0);
     assert!(
@@ -204,6 +215,52 @@ fn the_exporter_survives_the_daemon_and_answers_only_what_it_knows() {
     assert!(!metrics.values.keys().any(|name| name.contains("channel")));
     kill(Pid::from_raw(exporter.child.id().cast_signed()), Signal::SIGTERM).unwrap();
     assert_eq!(exporter.child.wait().unwrap().code(), Some(0));
+}
+
+#[test]
+fn whoever_does_not_ask_for_openmetrics_gets_the_older_format() {
+    let mut live = Live::start();
+    let exporter = Exporter::start(&live);
+    live.send_record(0);
+    let (head, body) = exporter.ask("GET /metrics");
+    assert!(head.contains("text/plain; version=0.0.4"), "{head}");
+    assert!(
+        body.contains("\n# TYPE residual_input_accepted_total counter\n"),
+        "{body}"
+    );
+    assert!(
+        body.contains("# HELP residual_input_accepted_total Samples taken into the inbox.\n"),
+        "{body}"
+    );
+    assert!(
+        !body.contains("# EOF") && !body.contains("# UNIT") && !body.contains(" info\n"),
+        "{body}"
+    );
+}
+
+#[test]
+fn an_instance_without_table_is_told_with_those_that_have_one() {
+    let live = Live::start();
+    let arguments = [
+        "export",
+        "prometheus",
+        "--listen",
+        "127.0.0.1:0",
+        "--instance",
+        "typo",
+    ];
+    let mut child = live.command(&arguments).stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap())
+        .lines()
+        .map(Result::unwrap);
+    assert!(lines.next().unwrap().contains("metrics of typo"));
+    let told = lines.next().unwrap();
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(
+        told.contains("residual_up is 0") && told.ends_with(&format!("are {})", live.instance.name)),
+        "{told}"
+    );
 }
 
 #[test]

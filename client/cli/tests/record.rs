@@ -62,12 +62,15 @@ fn said(output: &Output) -> String {
 #[test]
 fn a_recording_ends_whole_on_each_signal_and_holds_all_that_came_before() {
     let mut live = Live::start();
+    let configuration = live.file("some.toml");
+    std::fs::write(&configuration, "").unwrap();
+    let configuration = configuration.to_str().unwrap();
     for (number, end) in [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP]
         .into_iter()
         .enumerate()
     {
         let path = live.file(&format!("{number}.mcap"));
-        let child = start(&live, &path, &["--samples", "--configuration", "some.toml"]);
+        let child = start(&live, &path, &["--samples", "--configuration", configuration]);
         for _ in 0..20 {
             live.send_sample();
             live.send_record(0);
@@ -230,6 +233,22 @@ fn samples_that_still_come_do_not_keep_a_recording_going_when_the_daemon_has_end
 }
 
 #[test]
+fn signals_that_come_at_once_after_the_first_leave_the_recording_whole() {
+    let mut live = Live::start();
+    let path = live.file("group.mcap");
+    let child = start(&live, &path, &[]);
+    live.send_record(0);
+    std::thread::sleep(Duration::from_millis(50));
+    for end in [Signal::SIGTERM, Signal::SIGTERM, Signal::SIGHUP] {
+        signal(&child, end);
+        std::thread::sleep(Duration::from_micros(200));
+    }
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert_eq!(read(&path).2.unwrap().end, Some(End::Asked));
+}
+
+#[test]
 fn only_the_named_diagnosers_are_recorded_for_the_given_time() {
     let mut live = Live::start();
     let path = live.file("rear.mcap");
@@ -316,8 +335,15 @@ fn mistakes_are_refused_before_anything_is_written() {
     std::fs::write(&path, "precious").unwrap();
     for (arguments, code, phrase) in [
         (vec!["--diagnoser", "side"], 2, "it has front, rear"),
-        (vec!["--duration=-1"], 2, "no time that can be waited for"),
-        (vec![], 1, "choose another file"),
+        (vec!["--duration=-1"], 2, "above 0"),
+        (vec!["--duration", "0"], 2, "above 0"),
+        (vec!["--duration", "nan"], 2, "above 0"),
+        (vec!["--configuration", "/nowhere.toml"], 2, "No such file"),
+        (
+            vec![],
+            1,
+            "taken.mcap`: File exists (os error 17); choose another file",
+        ),
     ] {
         let output = live
             .command(&["record", "--output", path.to_str().unwrap()])
@@ -326,6 +352,7 @@ fn mistakes_are_refused_before_anything_is_written() {
             .unwrap();
         assert_eq!(output.status.code(), Some(code), "{}", said(&output));
         assert!(said(&output).contains(phrase), "{}", said(&output));
+        assert!(!said(&output).contains("recording to"), "{}", said(&output));
     }
     assert_eq!(std::fs::read(&path).unwrap(), b"precious");
 }

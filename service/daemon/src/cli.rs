@@ -83,7 +83,7 @@ pub enum Command {
         arguments: Vec<std::ffi::OsString>,
     },
     /// Write shell completions or man pages.
-    #[command(subcommand, hide = true)]
+    #[command(subcommand)]
     Generate(generate::Generated),
     /// The publisher of the demonstration.
     #[command(hide = true)]

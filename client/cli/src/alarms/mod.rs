@@ -96,6 +96,15 @@ pub fn run(instance: &Instance, options: &AlarmOptions) -> Result<u8, Error> {
     output.flush()?;
     // Whoever follows has chosen the end; otherwise it counts whether these are all the alarms there can be.
     let is_running = matches!(listener.state(), DaemonState::Running);
+    let is_empty = left == options.count.unwrap_or(u64::MAX);
+    match (is_running, is_empty) {
+        (true, false) => {}
+        (true, true) => eprintln!("residual: the daemon runs and has no such alarm transition"),
+        (false, false) => eprintln!("residual: the daemon does not run; these are transitions that it left"),
+        (false, true) => {
+            eprintln!("residual: the daemon does not run, and has left no such alarm transition")
+        }
+    }
     Ok(if is_running || options.follow {
         0
     } else {

@@ -1,6 +1,5 @@
 //! `residual export csv`.
 
-use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -12,11 +11,12 @@ use residual_recording::recorder::{self, Received, Stream};
 use residual_recording::totals::End;
 use residual_recording::{Event, Header, Reader, RecordMessage, columns};
 
+use crate::completeness;
 use crate::error::Error;
-use crate::instances;
 use crate::plot::refuse_unknown;
 use crate::record::LOST;
 use crate::until::{self, seconds};
+use crate::{instances, new_file};
 
 /// What stands for a running daemon in the place of a recording.
 const LIVE: &str = "live";
@@ -33,8 +33,8 @@ pub struct CsvArguments {
     /// Exports the records of this diagnoser only; may be given several times.
     #[arg(long = "diagnoser", value_name = "NAME")]
     diagnosers: Vec<String>,
-    /// The file; of several diagnosers each gets its own, FILE.DIAGNOSER.csv. Default: standard output, for a single
-    /// diagnoser.
+    /// The file, which must not be there yet; of several diagnosers each gets its own, FILE.DIAGNOSER.csv. Default:
+    /// standard output, for a single diagnoser.
     #[arg(long, short, value_name = "FILE.csv")]
     output: Option<PathBuf>,
     /// With `live`: name of the instance; may be left out if there is only one.
@@ -51,6 +51,12 @@ pub fn run(arguments: &CsvArguments, runtime_directory: &Path) -> Result<u8, Err
     if arguments.source.as_os_str() == LIVE {
         return live(arguments, runtime_directory);
     }
+    if arguments.instance.is_some() || arguments.duration.is_some() {
+        return Err(Error::Selection(
+            "--instance and --duration are for `live` alone; a recording is exported from beginning to end"
+                .into(),
+        ));
+    }
     let mut reader = Reader::open(&arguments.source)?;
     let mut lines = Lines::begin(arguments, reader.header())?;
     while let Some(event) = reader.next_event()? {
@@ -59,6 +65,7 @@ pub fn run(arguments: &CsvArguments, runtime_directory: &Path) -> Result<u8, Err
         }
     }
     lines.flush()?;
+    completeness::tell(&reader);
     Ok(0)
 }
 
@@ -125,6 +132,19 @@ impl Lines {
             .iter()
             .filter(|diagnoser| wanted(&diagnoser.name))
             .count();
+        let own = |path: &Path, name: &str| match count {
+            1 => path.to_owned(),
+            _ => path.with_extension(format!("{name}.csv")),
+        };
+        if let Some(path) = &arguments.output {
+            for diagnoser in header
+                .diagnosers
+                .iter()
+                .filter(|diagnoser| wanted(&diagnoser.name))
+            {
+                new_file::refuse_existing(&own(path, &diagnoser.name))?;
+            }
+        }
         let mut files = Vec::new();
         for diagnoser in &header.diagnosers {
             if !wanted(&diagnoser.name) {
@@ -132,13 +152,7 @@ impl Lines {
                 continue;
             }
             let into: Box<dyn Write> = match &arguments.output {
-                Some(path) => {
-                    let own = match count {
-                        1 => path.clone(),
-                        _ => path.with_extension(format!("{}.csv", diagnoser.name)),
-                    };
-                    Box::new(File::create(&own).map_err(|source| Error::File { path: own, source })?)
-                }
+                Some(path) => Box::new(new_file::create(&own(path, &diagnoser.name))?),
                 None if count == 1 => Box::new(io::stdout()),
                 None => {
                     return Err(Error::Selection(format!(
@@ -179,6 +193,10 @@ impl Lines {
     }
 }
 
+/// The system's error stays as it is, so that a pipe whose reader has seen enough is known as one.
 fn output_error(error: csv::Error) -> Error {
-    Error::Output(error.into())
+    Error::Output(match error.into_kind() {
+        csv::ErrorKind::Io(source) => source,
+        other => io::Error::other(format!("{other:?}")),
+    })
 }

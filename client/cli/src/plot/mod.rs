@@ -3,13 +3,16 @@
 mod history;
 
 use std::fs;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use residual_chart::Chart;
 use residual_recording::Reader;
 
+use crate::completeness;
 use crate::error::Error;
+use crate::new_file;
 use history::History;
 
 /// What to draw, and where to.
@@ -25,7 +28,7 @@ pub struct PlotArguments {
     #[arg(long = "channel", value_name = "NAME")]
     channels: Vec<String>,
     /// A directory for one file a channel, DIAGNOSER.CHANNEL.svg; or, for a single channel, a file that ends with .svg
-    /// or .png. Default: the recording's name with the extension `plots`.
+    /// or .png. A new directory with a dot in its name must end with `/`. No file may be there yet. Default: the recording's name with the extension `plots`.
     #[arg(long, short, value_name = "DIRECTORY|FILE")]
     output: Option<PathBuf>,
     /// Draws PNG files instead of SVG files.
@@ -35,41 +38,77 @@ pub struct PlotArguments {
 
 /// Draws; prints the names of the files.
 pub fn run(arguments: &PlotArguments) -> Result<u8, Error> {
+    let output = arguments.output();
+    let form = Form::of(&output, arguments)?;
     let mut reader = Reader::open(&arguments.recording)?;
     check_names(arguments, &reader)?;
     let histories = History::read(&mut reader, &arguments.diagnosers)?;
-    if reader.is_cut_off() {
-        eprintln!("residual: the recording has no end: its recorder was killed");
-    }
+    completeness::tell(&reader);
     let mut charts = Vec::new();
     for history in &histories {
         charts.extend(history.charts(&arguments.channels));
     }
-    let default = || arguments.recording.with_extension("plots");
-    let output = arguments.output.clone().unwrap_or_else(default);
-    let extension = output.extension().and_then(|extension| extension.to_str());
-    match (extension, charts.as_slice()) {
+    match (form, charts.as_slice()) {
         (_, []) => Err(Error::Selection(
             "nothing to draw: no chosen channel was evaluated at two instants".into(),
         )),
-        (Some("svg" | "png"), [(_, chart)]) => {
-            write(&output, chart, arguments.png || extension == Some("png"))?;
+        (Form::File { png }, [(_, chart)]) => {
+            write(&output, chart, png)?;
             Ok(0)
         }
-        (Some("svg" | "png"), several) => Err(Error::Selection(format!(
+        (Form::File { .. }, several) => Err(Error::Selection(format!(
             "{} channels do not fit into one file; choose one with --diagnoser and --channel, or give a directory",
             several.len()
         ))),
-        (_, charts) => {
+        (Form::Directory, charts) => {
             fs::create_dir_all(&output).map_err(|source| Error::File {
                 path: output.clone(),
                 source,
             })?;
             let extension = if arguments.png { "png" } else { "svg" };
+            let path = |name: &str| output.join(format!("{name}.{extension}"));
+            for (name, _) in charts {
+                new_file::refuse_existing(&path(name))?;
+            }
             for (name, chart) in charts {
-                write(&output.join(format!("{name}.{extension}")), chart, arguments.png)?;
+                write(&path(name), chart, arguments.png)?;
             }
             Ok(0)
+        }
+    }
+}
+
+impl PlotArguments {
+    fn output(&self) -> PathBuf {
+        let default = || self.recording.with_extension("plots");
+        self.output.clone().unwrap_or_else(default)
+    }
+}
+
+/// What is written.
+enum Form {
+    Directory,
+    File { png: bool },
+}
+
+impl Form {
+    /// What the name of the output says.
+    fn of(output: &Path, arguments: &PlotArguments) -> Result<Self, Error> {
+        let is_directory = output.as_os_str().as_encoded_bytes().ends_with(b"/") || output.is_dir();
+        match output.extension().map(|extension| extension.to_string_lossy()) {
+            _ if is_directory || arguments.output.is_none() => Ok(Self::Directory),
+            None => Ok(Self::Directory),
+            Some(extension) if extension == "png" => Ok(Self::File { png: true }),
+            Some(extension) if extension == "svg" && !arguments.png => Ok(Self::File { png: false }),
+            Some(extension) if extension == "svg" => Err(Error::Selection(format!(
+                "`{}` ends with .svg, but --png asks for PNG; leave one of them out",
+                output.display()
+            ))),
+            Some(extension) => Err(Error::Selection(format!(
+                "pictures are SVG or PNG files: `{}` ends with .{extension}; end it with .svg or .png, or with / for a \
+                 directory",
+                output.display()
+            ))),
         }
     }
 }
@@ -80,10 +119,12 @@ fn write(path: &Path, chart: &Chart, png: bool) -> Result<(), Error> {
     } else {
         chart.svg()?.into_bytes()
     };
-    fs::write(path, bytes).map_err(|source| Error::File {
-        path: path.into(),
-        source,
-    })?;
+    new_file::create(path)?
+        .write_all(&bytes)
+        .map_err(|source| Error::File {
+            path: path.into(),
+            source,
+        })?;
     println!("{}", path.display());
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! One line for each new record, for files and pipes.
+//! One line for each new record and each change of an alarm, for files and pipes.
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -6,11 +6,11 @@ use std::io::{self, Write};
 use std::thread::sleep;
 use std::time::Duration;
 
-use residual_client::Monitor;
+use residual_client::{AlarmState, Monitor};
 
 use super::WatchOptions;
 use crate::error::Error;
-use crate::snapshot::{DiagnoserView, Snapshot};
+use crate::snapshot::{AlarmView, DiagnoserView, Snapshot};
 use crate::status::faults;
 
 /// What was written last of a diagnoser.
@@ -19,6 +19,7 @@ struct Seen {
     epoch: u64,
     record: u64,
     freshness: &'static str,
+    alarm: AlarmView,
 }
 
 /// Writes lines until the count is reached or nobody reads them.
@@ -34,6 +35,7 @@ pub fn run(monitor: &mut Monitor, options: &WatchOptions) -> Result<u8, Error> {
                     epoch: snapshot.epoch,
                     record: diagnoser.record,
                     freshness: diagnoser.freshness,
+                    alarm: diagnoser.alarm,
                 };
                 let before = seen.insert(diagnoser.name.clone(), now);
                 if before == Some(now) {
@@ -56,7 +58,7 @@ pub fn run(monitor: &mut Monitor, options: &WatchOptions) -> Result<u8, Error> {
     }
 }
 
-/// A line for a new record, or for another freshness of the known one.
+/// A line for a new record, or for another freshness or alarm of the known one.
 fn line(diagnoser: &DiagnoserView, before: Option<Seen>) -> String {
     let DiagnoserView {
         name,
@@ -65,9 +67,13 @@ fn line(diagnoser: &DiagnoserView, before: Option<Seen>) -> String {
         verdict,
         step,
         instant_ns,
+        alarm,
         ..
     } = diagnoser;
     let mut line = format!("{name} {freshness}");
+    if alarm.state != AlarmState::Cleared || before.is_some_and(|before| before.alarm != *alarm) {
+        line = format!("{line} | alarm {}", alarm.text());
+    }
     if *record == 0 || before.is_some_and(|before| before.record == *record) {
         return line;
     }

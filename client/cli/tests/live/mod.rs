@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::sync::atomic::{AtomicU32, Ordering};
 
+use residual_shared::alarm::{AlarmState, AlarmTransition, alarm_flags};
 use residual_shared::bounds_table::{Access, ChannelSpec, InputSpec, SlotSpec, TableSpec, TableWriter};
 use residual_shared::clock::{DaemonTime, monotonic_ns};
 use residual_shared::names::Instance;
@@ -97,6 +98,31 @@ impl Live {
             table.heartbeat(monotonic_ns());
         }
         self.records.send(self.epoch, slot, &record).unwrap();
+    }
+
+    /// The alarm of the first diagnoser is raised and latched.
+    pub fn raise_alarm(&mut self, occurrence: u64) {
+        let transition = AlarmTransition {
+            number: Default::default(),
+            written_ns: 0,
+            instant_ns: monotonic_ns(),
+            step: 0,
+            slot: 0,
+            identity: 0,
+            state: AlarmState::Raised,
+            flags: alarm_flags::LATCHED,
+            verdict: Verdict::Fault as u32,
+            occurrence,
+            certainly_faulty: 0,
+            possibly_faulty: 1,
+            channel: 0,
+            ratio: 1.5,
+            fault_estimate: f64::NAN,
+            fault_estimate_half_width: f64::NAN,
+        };
+        if let Some(table) = &mut self.table {
+            table.raise(&transition);
+        }
     }
 
     /// The next sample of the input.

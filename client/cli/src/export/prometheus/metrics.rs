@@ -10,9 +10,11 @@ use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::metrics::info::Info;
 use prometheus_client::registry::{Registry, Unit};
 use residual_client::{
-    InputCounters, Instance, Liveness, ReadError, Reading, ScheduleCounters, StepRecord, TableReader,
-    Verdict, monotonic_ns,
+    AlarmState, InputCounters, Instance, Liveness, ReadError, Reading, ScheduleCounters, StepRecord,
+    TableReader, Verdict, alarm_flags, monotonic_ns,
 };
+
+use super::help;
 
 type Labels = Vec<(&'static str, String)>;
 type Numbers = Family<Labels, Gauge<f64, AtomicU64>>;
@@ -25,6 +27,13 @@ const VERDICTS: [Verdict; 6] = [
     Verdict::Isolated,
     Verdict::NotEvaluated,
     Verdict::GuaranteeLost,
+];
+
+const ALARM_STATES: [AlarmState; 4] = [
+    AlarmState::Cleared,
+    AlarmState::Pending,
+    AlarmState::Raised,
+    AlarmState::Isolated,
 ];
 
 const FRESHNESS: [&str; 5] = ["fresh", "stale", "not evaluated", "starting", "dead"];
@@ -40,7 +49,7 @@ pub enum MetricsError {
     Write(#[from] std::fmt::Error),
 }
 
-/// All metrics of an instance at this moment. Without a table there is only `residual_up`, which is 0.
+/// All metrics of an instance at this moment, in the text format of OpenMetrics. Without a table there is only `residual_up`, which is 0.
 pub fn text(instance: &Instance) -> Result<String, MetricsError> {
     let mut registry = Registry::with_prefix("residual");
     let build = Info::new([("version", env!("CARGO_PKG_VERSION"))]);
@@ -62,6 +71,7 @@ pub fn text(instance: &Instance) -> Result<String, MetricsError> {
     if let Some(table) = &table {
         add_daemon(&mut registry, table, now_ns, &own);
         add_diagnosers(&mut registry, table, now_ns, &own)?;
+        add_alarms(&mut registry, table, &own)?;
         add_inputs(&mut registry, table, &own)?;
     }
     let mut text = String::new();
@@ -158,6 +168,34 @@ fn add_diagnosers(
     Ok(())
 }
 
+fn add_alarms(
+    registry: &mut Registry,
+    table: &TableReader,
+    own: &impl Fn(&[(&'static str, &str)]) -> Labels,
+) -> Result<(), MetricsError> {
+    let state = "Where the alarm of a diagnoser stands: 1 for its present state, 0 for the others";
+    let state = numbers(registry, "alarm_state", state, None);
+    let latched = "Whether the alarm stays until it is acknowledged";
+    let latched = numbers(registry, "alarm_latched", latched, None);
+    let occurrences = "How often the alarm has been raised";
+    let occurrences = counts(registry, "alarm_occurrences", occurrences);
+    let newest = "Number of the newest transition of the alarm, 0 if there has been none";
+    let newest = numbers(registry, "alarm_newest_transition", newest, None);
+    for (slot, spec) in table.directory().spec.slots.iter().enumerate() {
+        let of = |more: &[(&'static str, &str)]| own(&[&[("diagnoser", spec.name.as_str())], more].concat());
+        let alarm = table.read_alarm_status(slot)?;
+        for other in ALARM_STATES {
+            let holds = f64::from(u8::from(alarm.state == other as u64));
+            set(&state, of(&[("state", other.name())]), holds);
+        }
+        let is_latched = alarm.flags & u64::from(alarm_flags::LATCHED) != 0;
+        set(&latched, of(&[]), f64::from(u8::from(is_latched)));
+        occurrences.get_or_create(&of(&[])).inc_by(alarm.occurrences);
+        set(&newest, of(&[]), alarm.number as f64);
+    }
+    Ok(())
+}
+
 fn add_inputs(
     registry: &mut Registry,
     table: &TableReader,
@@ -165,10 +203,7 @@ fn add_inputs(
 ) -> Result<(), MetricsError> {
     let counters: Vec<Counts> = InputCounters::NAMES
         .iter()
-        .map(|name| {
-            let help = format!("Counter `{name}` of the input's door");
-            counts(registry, &format!("input_{name}"), &help)
-        })
+        .map(|name| counts(registry, &format!("input_{name}"), help::input(name)))
         .collect();
     for (input, spec) in table.directory().spec.inputs.iter().enumerate() {
         let labels = own(&[("input", spec.name.as_str())]);
@@ -186,17 +221,14 @@ enum Schedule {
 }
 
 impl Schedule {
-    fn register(registry: &mut Registry, name: &str) -> Self {
+    fn register(registry: &mut Registry, name: &'static str) -> Self {
+        let help = help::schedule(name);
         match name.strip_suffix("_ns") {
             Some(name) => {
-                let help = format!("Schedule counter `{name}`: the longest since the daemon's start");
                 let name = format!("diagnoser_{name}");
-                Self::Longest(numbers(registry, &name, &help, Some(Unit::Seconds)))
+                Self::Longest(numbers(registry, &name, help, Some(Unit::Seconds)))
             }
-            None => {
-                let help = format!("Schedule counter `{name}`");
-                Self::Count(counts(registry, &format!("diagnoser_{name}"), &help))
-            }
+            None => Self::Count(counts(registry, &format!("diagnoser_{name}"), help)),
         }
     }
 

@@ -1,5 +1,7 @@
 //! `residual export prometheus`: a small HTTP server beside the daemon, which it only reads.
 
+mod classic;
+mod help;
 mod metrics;
 
 use std::io::Cursor;
@@ -15,8 +17,11 @@ use tiny_http::{Header, Method, Request, Response, Server};
 use crate::error::Error;
 use crate::{instances, until};
 
-/// The text format of `prometheus-client`, which Prometheus asks for first.
-const CONTENT_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+/// The older text format, for whoever does not ask for OpenMetrics: `curl`, and tools that know no other.
+const CLASSIC: &str = "text/plain; version=0.0.4; charset=utf-8";
+
+/// The text format of `prometheus-client`, which Prometheus asks for.
+const OPENMETRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
 /// Where Prometheus finds the exporter unless told otherwise: this machine only.
 const DEFAULT_ADDRESS: SocketAddr = SocketAddr::V4(SocketAddrV4::new(Ipv4Addr::LOCALHOST, 9477));
@@ -50,6 +55,14 @@ pub fn run(arguments: &PrometheusArguments, runtime_directory: &Path) -> Result<
         instance.name,
         server.server_addr()
     );
+    let path = instance.bounds_path();
+    if !path.exists() {
+        eprintln!(
+            "residual: there is no table {} yet: residual_up is 0 until the daemon runs{}",
+            path.display(),
+            instances::hint(runtime_directory)
+        );
+    }
     while !stop.load(Ordering::Relaxed) {
         // A connection that fails is its client's matter.
         if let Ok(Some(request)) = server.recv_timeout(LOOK_PERIOD) {
@@ -65,8 +78,13 @@ fn answer(request: &Request, instance: &Instance) -> Response<Cursor<Vec<u8>>> {
     match (request.method(), path) {
         (Method::Get | Method::Head, "/metrics") => match metrics::text(instance) {
             Ok(text) => {
+                let (text, content_type) = if wants_openmetrics(request) {
+                    (text, OPENMETRICS)
+                } else {
+                    (classic::text(&text), CLASSIC)
+                };
                 let response = Response::from_string(text);
-                match Header::from_bytes("Content-Type", CONTENT_TYPE) {
+                match Header::from_bytes("Content-Type", content_type) {
                     Ok(header) => response.with_header(header),
                     Err(()) => response,
                 }
@@ -78,4 +96,12 @@ fn answer(request: &Request, instance: &Instance) -> Response<Cursor<Vec<u8>>> {
         }
         _ => Response::from_string("only GET and HEAD are answered\n").with_status_code(405),
     }
+}
+
+fn wants_openmetrics(request: &Request) -> bool {
+    let mut accepted = request
+        .headers()
+        .iter()
+        .filter(|header| header.field.equiv("Accept"));
+    accepted.any(|header| header.value.as_str().contains("application/openmetrics-text"))
 }
