@@ -88,6 +88,11 @@ impl CommandSender {
         self.flush();
     }
 
+    /// Takes back the commands of this ticket that still wait on this side.
+    pub fn cancel(&mut self, ticket: Ticket) {
+        self.waiting.retain(|(of, _)| *of != ticket);
+    }
+
     /// The next reply, if one has come.
     pub fn reply(&mut self) -> Option<(Ticket, Reply)> {
         self.flush();
@@ -112,6 +117,11 @@ pub struct CommandInbox {
 }
 
 impl CommandInbox {
+    /// Whether there is a command, and room for its reply.
+    pub fn has_next(&self) -> bool {
+        self.replies.slots() > 0 && !self.commands.is_empty()
+    }
+
     /// The next command, if there is one and room for its reply.
     pub fn receive(&mut self) -> Option<(Ticket, Command)> {
         if self.replies.slots() == 0 {
@@ -166,6 +176,27 @@ mod tests {
         }
         assert_eq!(executed, (0..5 * QUEUE).collect::<Vec<_>>());
         assert_eq!(replied, tickets);
+    }
+
+    #[test]
+    fn a_cancelled_ticket_takes_back_what_has_not_reached_the_queue_and_nothing_of_others() {
+        let (mut sender, mut inbox) = channel();
+        let (given_up, other) = (sender.ticket(), sender.ticket());
+        for _ in 0..2 * QUEUE {
+            sender.send(given_up, Command::Reset(0));
+        }
+        sender.send(other, Command::Reset(1));
+        sender.cancel(given_up);
+        let mut obeyed = Vec::new();
+        while inbox.has_next() {
+            take(&mut inbox, |command| {
+                obeyed.push(matches!(command, Command::Reset(1)));
+                Reply::Reset
+            });
+            while sender.reply().is_some() {}
+        }
+        let of_others = obeyed.iter().filter(|of_other| **of_other).count();
+        assert_eq!((obeyed.len(), of_others), (QUEUE + 1, 1));
     }
 
     #[test]

@@ -23,6 +23,9 @@ use super::running::Running;
 /// How long a part of a snapshot may keep the steps of a turn waiting, nanoseconds.
 const SAVE_WITHIN_NS: u64 = 100_000;
 
+/// Longest sleep while commands are waiting, nanoseconds.
+const COMMAND_PAUSE_NS: u64 = 1_000_000;
+
 /// Shortest time between two reports of the same counters to the log.
 const REPORT_PERIOD_NS: u64 = 1_000_000_000;
 
@@ -154,14 +157,19 @@ impl StepLoop<'_> {
         (self.engine, self.running)
     }
 
-    /// Sleeps until the next step is due, at most one heartbeat long.
+    /// Sleeps until the next step is due, at most one heartbeat long, and less while commands are waiting.
     fn wait(&self) {
-        let heartbeat_ns = monotonic_ns() + HEARTBEAT_PERIOD_NS;
+        let longest_ns = if self.commands.has_next() {
+            COMMAND_PAUSE_NS
+        } else {
+            HEARTBEAT_PERIOD_NS
+        };
+        let latest_ns = monotonic_ns() + longest_ns;
         let due_ns = self
             .engine
             .next_due_ns()
             .map_or(u64::MAX, |due| self.time.to_monotonic(due));
-        sleep_until_monotonic(due_ns.min(heartbeat_ns));
+        sleep_until_monotonic(due_ns.min(latest_ns));
     }
 
     /// Receives every waiting sample, does every due step, publishes, obeys commands.
@@ -184,7 +192,8 @@ impl StepLoop<'_> {
         self.obey();
     }
 
-    /// Does what the companion has asked for, when no step is due.
+    /// Does some of what the companion has asked for, whether or not a step has fallen due meanwhile: a daemon that
+    /// is always late obeys as well.
     fn obey(&mut self) {
         for _ in 0..COMMANDS_PER_TURN {
             let Some((ticket, command)) = self.commands.receive() else {

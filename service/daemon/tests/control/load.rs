@@ -7,6 +7,7 @@ use residual_client::Control;
 
 use super::control;
 use super::support::daemon::Daemon;
+use super::support::scalar;
 use super::support::{DIAGNOSER, PATIENCE, Stage, wait_until};
 
 /// Open files, mapped regions and resident memory (KiB) of a process.
@@ -59,6 +60,22 @@ fn two_hundred_requests_in_a_row_leave_files_and_memory_as_they_were() {
         "{before:?}, {after:?}"
     );
     assert_eq!(daemon.stop().control.answered, 4 * 55);
+}
+
+#[test]
+fn a_reset_of_two_hundred_slow_diagnosers_is_obeyed_in_time() {
+    let mut stage = scalar::stage();
+    let mut slow = stage.diagnosers()[0].clone();
+    stage.diagnosers().clear();
+    for number in 0..200 {
+        let diagnoser = slow.as_table_mut().unwrap();
+        diagnoser.insert("name".into(), format!("slow{number}").into());
+        diagnoser.insert("sample_time_s".into(), 1.0.into());
+        stage.diagnosers().push(slow.clone());
+    }
+    let daemon = Daemon::start(&stage);
+    assert_eq!(control(&stage).reset_all().unwrap(), 200);
+    daemon.stop();
 }
 
 #[test]

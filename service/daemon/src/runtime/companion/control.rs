@@ -20,8 +20,8 @@ use super::task::{Due, RunningTask, Task, Work};
 use crate::logging::LogFilter;
 use crate::runtime::command::{Command, CommandSender, Reply, Ticket};
 
-/// How long the step thread may take for the commands of a request: it takes some at every heartbeat, at the latest
-/// every 100 ms. Clients wait longer by default, so that they get this answer.
+/// How long the step thread may take for the commands of a request: it takes the first ones at its next heartbeat, at
+/// the latest after 100 ms, and some every millisecond from then on. Clients wait longer by default, so that they get this answer.
 const OBEY_WITHIN: Duration = Duration::from_secs(3);
 
 /// Shortest time between two lines of the log about rejected requests, so that a flood of them does not fill it.
@@ -341,8 +341,10 @@ impl ControlDesk {
             .partition(|pending| pending.outstanding == 0 || pending.since.elapsed() >= OBEY_WITHIN);
         self.pending = pending;
         for pending in over {
-            let answer = match pending.outstanding {
-                0 => Ok((pending.answer)(pending.done)),
+            self.control.commands.cancel(pending.ticket);
+            let answer = match (pending.outstanding, &pending.named) {
+                (0, Some(name)) if pending.gone => Err(exchanged(name)),
+                (0, _) => Ok((pending.answer)(pending.done)),
                 _ => Err(ControlError::NotObeyed {
                     waited_ms: OBEY_WITHIN.as_millis() as u64,
                 }),
