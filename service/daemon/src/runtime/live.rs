@@ -207,18 +207,23 @@ impl StepLoop<'_> {
     fn execute(&mut self, command: Command) -> Reply {
         let (engine, sink) = (&mut self.engine, &mut self.publication);
         match command {
-            Command::Reset(slot) if engine.reset(slot, sink) => Reply::Reset,
-            Command::Reset(_) => Reply::NoSuchSlot,
-            // Another one has come since, which nobody has seen.
-            Command::Acknowledge(slot, Some(seen))
-                if engine.occurrences(slot).is_some_and(|now| now != seen) =>
-            {
-                Reply::Acknowledged(false)
-            }
-            Command::Acknowledge(slot, _) => match engine.acknowledge(slot, sink) {
-                Some(acknowledged) => Reply::Acknowledged(acknowledged),
-                None => Reply::NoSuchSlot,
+            Command::Reset(identity) => match sink.table.slot_with_identity(identity) {
+                Some(slot) if engine.reset(slot, sink) => Reply::Reset,
+                _ => Reply::NoSuchDiagnoser,
             },
+            Command::Acknowledge(identity, seen) => {
+                let Some(slot) = sink.table.slot_with_identity(identity) else {
+                    return Reply::NoSuchDiagnoser;
+                };
+                if seen.is_some_and(|seen| engine.occurrences(slot) != Some(seen)) {
+                    // Another one has come since, which nobody has seen.
+                    return Reply::Acknowledged(false);
+                }
+                match engine.acknowledge(slot, sink) {
+                    Some(acknowledged) => Reply::Acknowledged(acknowledged),
+                    None => Reply::NoSuchDiagnoser,
+                }
+            }
             Command::Save(mut snapshot) => {
                 let end_ns = monotonic_ns() + SAVE_WITHIN_NS;
                 let progress = engine.save(&mut snapshot, || monotonic_ns() < end_ns);
