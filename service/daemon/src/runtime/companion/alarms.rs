@@ -23,6 +23,8 @@ pub(super) struct AlarmWatch {
     first_epoch: Option<u64>,
     /// Number of the transition that was looked at last.
     seen: u64,
+    /// Whether all that comes after it is of this process: what an earlier life lost is not lost here.
+    is_own: bool,
     refused: bool,
 }
 
@@ -35,6 +37,7 @@ impl AlarmWatch {
             table: None,
             first_epoch: None,
             seen: 0,
+            is_own: false,
             refused: false,
         }
     }
@@ -78,12 +81,13 @@ impl AlarmWatch {
         let newest = table.newest_alarm();
         let oldest = newest.saturating_sub(u64::from(table.directory().spec.alarm_capacity)) + 1;
         let mut lost = 0;
-        if self.seen > 0 {
+        if self.is_own {
             lost = oldest.saturating_sub(self.seen + 1);
         }
         for number in oldest.max(self.seen + 1)..=newest {
             match table.read_alarm(number) {
                 AlarmRead::Transition(transition) if transition.number.epoch >= first_epoch => {
+                    self.is_own = true;
                     log(table, &transition);
                     if let Err(error) = self.notifier.notify(transition.state)
                         && !self.refused
@@ -93,13 +97,14 @@ impl AlarmWatch {
                     }
                 }
                 AlarmRead::Transition(_) | AlarmRead::Waiting => {}
-                AlarmRead::Lost => lost += 1,
+                AlarmRead::Lost => lost += u64::from(self.is_own),
             }
         }
         if lost > 0 {
             warn!(transitions = lost, "alarms came too fast for the log");
         }
         self.seen = newest;
+        self.is_own = true;
     }
 }
 
