@@ -3,7 +3,6 @@
 //!
 //! It reads the ring of the bounds table as every client does: nothing is copied to it, and no queue can be full.
 
-use std::fmt::Write as _;
 use std::time::Duration;
 
 use residual_shared::alarm::{AlarmTransition, alarm_flags};
@@ -140,16 +139,9 @@ fn log(table: &TableReader, transition: &AlarmTransition) {
 }
 
 fn state_and_flags(transition: &AlarmTransition) -> String {
-    let mut text = transition.state.name().to_owned();
-    for (flag, name) in [
-        (alarm_flags::LATCHED, "latched"),
-        (alarm_flags::ACKNOWLEDGED, "acknowledged"),
-        (alarm_flags::RESET, "by a reset"),
-        (alarm_flags::WITHDRAWN, "withdrawn"),
-    ] {
-        if transition.flags & flag != 0 {
-            let _ = write!(text, ", {name}");
-        }
-    }
-    text
+    let state = std::iter::once(transition.state.name());
+    state
+        .chain(alarm_flags::names(transition.flags))
+        .collect::<Vec<_>>()
+        .join(", ")
 }
