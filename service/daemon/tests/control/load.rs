@@ -36,6 +36,8 @@ impl Held {
 
 /// 2 MiB: what an allocator may keep back.
 const MEMORY_NOISE_KIB: u64 = 2048;
+/// What an allocator maps for itself. Were a region lost with every request, there would be many more.
+const REGIONS_NOISE: usize = 8;
 
 #[test]
 fn two_hundred_requests_in_a_row_leave_files_and_memory_as_they_were() {
@@ -54,7 +56,11 @@ fn two_hundred_requests_in_a_row_leave_files_and_memory_as_they_were() {
     let before = Held::by(daemon.pid());
     ask(50);
     let after = Held::by(daemon.pid());
-    assert_eq!((after.files, after.regions), (before.files, before.regions));
+    assert_eq!(after.files, before.files);
+    assert!(
+        after.regions <= before.regions + REGIONS_NOISE,
+        "{before:?}, {after:?}"
+    );
     assert!(
         after.resident <= before.resident + MEMORY_NOISE_KIB,
         "{before:?}, {after:?}"
@@ -96,7 +102,10 @@ fn clients_that_come_and_go_leave_nothing_in_the_daemon() {
         Held::by(daemon.pid()).files <= before.files
     });
     let after = Held::by(daemon.pid());
-    assert!(after.regions <= before.regions + 8, "{before:?}, {after:?}");
+    assert!(
+        after.regions <= before.regions + REGIONS_NOISE,
+        "{before:?}, {after:?}"
+    );
     assert!(
         after.resident <= before.resident + MEMORY_NOISE_KIB,
         "{before:?}, {after:?}"
