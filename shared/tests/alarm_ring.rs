@@ -10,6 +10,7 @@ use common::{OWN, directory, slot, spec};
 use residual_shared::alarm::{AlarmState, AlarmTransition, NONE};
 use residual_shared::bounds_table::{AlarmRead, PreparedTable, TableReader, TableWriter};
 use residual_shared::clock::monotonic_ns;
+use residual_shared::counters::AlarmStatus;
 
 fn transition(slot: u32, step: u64) -> AlarmTransition {
     AlarmTransition {
@@ -108,6 +109,31 @@ fn a_new_life_goes_on_with_the_numbers_and_keeps_the_transitions_of_the_old_one(
     assert_eq!(epochs, [first_epoch, first_epoch, second.epoch()]);
     let slots: Vec<_> = all.iter().map(|transition| transition.slot).collect();
     assert_eq!(slots, [NONE, 0, 1]);
+}
+
+#[test]
+fn what_is_shown_of_an_alarm_before_the_table_is_published_stands_in_it_unless_the_old_table_knows_better() {
+    let directory = directory();
+    let path = directory.path().join("bounds");
+    let mut first = TableWriter::create(&path, &spec(vec![slot("a", 1)]), &OWN).unwrap();
+    first.raise(&transition(0, 1));
+    let known = TableReader::open(&path).unwrap().read_alarm_status(0).unwrap();
+    let prepared = PreparedTable::create(&path, &spec(vec![slot("b", 2), slot("a", 1)]), &OWN).unwrap();
+    let restored = AlarmStatus {
+        state: AlarmState::Raised as u64,
+        occurrences: 7,
+        ..AlarmStatus::default()
+    };
+    prepared.show_alarm_status(0, &restored);
+    prepared.show_alarm_status(1, &restored);
+    prepared.show_alarm_status(2, &restored);
+    let _second = prepared.publish().unwrap();
+    let table = TableReader::open(&path).unwrap();
+    assert_ne!(known, restored);
+    assert_eq!(
+        [0, 1].map(|slot| table.read_alarm_status(slot).unwrap()),
+        [restored, known]
+    );
 }
 
 #[test]

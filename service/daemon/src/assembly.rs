@@ -70,29 +70,13 @@ pub fn table_spec(
     time: DaemonTime,
     epoch_ns: u64,
 ) -> TableSpec {
-    let slot = |(configured, description): (&DiagnoserConfiguration, &Description)| SlotSpec {
-        name: configured.name.clone(),
-        method: description.method.into(),
-        period_ns: configured.period_ns,
-        phase_ns: configured.phase_ns,
-        margin_ns: configured.margin_ns,
-        channels: description
-            .channels
-            .iter()
-            .map(|channel| ChannelSpec {
-                name: channel.name.clone(),
-                unit: channel.unit.clone(),
-            })
-            .collect(),
-        faults: description.faults.clone(),
-    };
     TableSpec {
         instance: configuration.daemon.instance.to_string(),
         slots: configuration
             .diagnosers
             .iter()
             .zip(descriptions)
-            .map(slot)
+            .map(|(configured, description)| slot_spec(configured, description))
             .collect(),
         inputs: configuration
             .inputs
@@ -109,13 +93,36 @@ pub fn table_spec(
     }
 }
 
+fn slot_spec(configured: &DiagnoserConfiguration, description: &Description) -> SlotSpec {
+    SlotSpec {
+        name: configured.name.clone(),
+        method: description.method.into(),
+        period_ns: configured.period_ns,
+        phase_ns: configured.phase_ns,
+        margin_ns: configured.margin_ns,
+        channels: description
+            .channels
+            .iter()
+            .map(|channel| ChannelSpec {
+                name: channel.name.clone(),
+                unit: channel.unit.clone(),
+            })
+            .collect(),
+        faults: description.faults.clone(),
+    }
+}
+
 /// What the companion has to know.
 pub fn introduction(configuration: &Configuration, diagnosers: &[Designed]) -> Introduction {
+    let slots = configuration.diagnosers.iter().zip(diagnosers);
     Introduction {
         names: log_names(configuration),
         identity: Identity {
             program: env!("CARGO_PKG_VERSION").into(),
             diagnosers: crate::commands::descriptions::descriptions(configuration, diagnosers),
+            identities: slots
+                .map(|(configured, built)| slot_spec(configured, built.diagnoser.description()).identity())
+                .collect(),
         },
     }
 }

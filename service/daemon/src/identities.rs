@@ -54,14 +54,17 @@ impl Identities {
             let place = |new| old.iter().position(|old| old == new);
             new.iter().map(place).collect()
         };
-        let replaced = |(new, grid): (&Identity, &(u64, u64))| {
-            let place = old.diagnosers.iter().position(|old| old.name == new.name)?;
-            (old.grids.get(place) == Some(grid)).then_some(place)
+        let named: Vec<Option<usize>> = (self.diagnosers.iter())
+            .map(|new| old.diagnosers.iter().position(|old| old.name == new.name))
+            .collect();
+        let on_same_grid = |(place, grid): (&Option<usize>, &(u64, u64))| {
+            place.filter(|place| old.grids.get(*place) == Some(grid))
         };
         Correspondence {
             inputs: same(&self.inputs, &old.inputs),
             kept: same(&self.diagnosers, &old.diagnosers),
-            replaced: self.diagnosers.iter().zip(&self.grids).map(replaced).collect(),
+            replaced: named.iter().zip(&self.grids).map(on_same_grid).collect(),
+            named,
         }
     }
 }

@@ -185,6 +185,7 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_resets_and_comman
     let mut drivers = Drivers::open(&stage.instance);
     let spec = stage.table().directory().spec.clone();
     let time: DaemonTime = spec.time;
+    let identity = spec.slots[0].identity();
 
     let mut aircraft = Aircraft::new(1, Disturbance::Sine, 1);
     let mut seen = Seen::default();
@@ -198,10 +199,10 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_resets_and_comman
         sleep_until_monotonic(time.to_monotonic(instant_ns));
         send(&mut drivers, &mut aircraft, k, instant_ns);
         match k % (2 * COURSE) {
-            ACKNOWLEDGED => commands.send(ticket, Command::Acknowledge(0, None)),
+            ACKNOWLEDGED => commands.send(ticket, Command::Acknowledge(identity, None)),
             RESET => {
-                commands.send(ticket, Command::Reset(0));
-                commands.send(ticket, Command::Reset(1));
+                commands.send(ticket, Command::Reset(identity));
+                commands.send(ticket, Command::Reset(!identity));
             }
             _ => {}
         }
@@ -215,7 +216,7 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_resets_and_comman
         while let Some((_, reply)) = commands.reply() {
             seen.obeyed += u64::from(matches!(reply, Reply::Reset));
             seen.acknowledged += u64::from(matches!(reply, Reply::Acknowledged(true)));
-            seen.refused += u64::from(matches!(reply, Reply::NoSuchSlot));
+            seen.refused += u64::from(matches!(reply, Reply::NoSuchDiagnoser));
             if let Reply::Saved(mut written, progress) = reply {
                 match progress {
                     Progress::Whole => {

@@ -152,6 +152,14 @@ impl PreparedTable {
         }
     }
 
+    /// Shows where the alarm of the slot with the index `slot` stands, for clients to find it with the table; what
+    /// the table that is replaced shows of the same diagnoser comes before it.
+    pub fn show_alarm_status(&self, slot: usize, status: &AlarmStatus) {
+        if let Some(place) = self.image.slots.get(slot) {
+            store(&self.mapping.words()[place.alarm..], status);
+        }
+    }
+
     /// Makes it the table that clients find: takes over the transitions of the old one's alarm ring and the status
     /// of its alarms, replaces it, and marks it closed.
     ///
@@ -166,9 +174,8 @@ impl PreparedTable {
             let futex = self.mapping.futex(self.image.alarms.wake());
             futex.store(newest as u32, Ordering::Relaxed);
             for (place, status) in self.image.slots.iter().zip(old.alarm_status(&self.spec)) {
-                let status = status.unwrap_or_default().to_words();
-                for (word, value) in words[place.alarm..].iter().zip(status) {
-                    WriteWord::store(word, value);
+                if let Some(status) = status {
+                    store(&words[place.alarm..], &status);
                 }
             }
         }
@@ -182,6 +189,12 @@ impl PreparedTable {
                 .map_err(failed("mark as closed the table that was at", &self.path))?;
         }
         Ok(TableWriter::new(self.mapping, self.image, self.epoch, &self.spec))
+    }
+}
+
+fn store<W: WriteWord>(words: &[W], status: &AlarmStatus) {
+    for (word, value) in words.iter().zip(status.to_words()) {
+        word.store(value);
     }
 }
 

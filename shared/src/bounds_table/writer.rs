@@ -108,8 +108,8 @@ impl TableWriter {
         }
     }
 
-    /// Shows where the alarm of the slot with the index `slot` stands. [`raise`](Self::raise) does it, too.
-    pub fn publish_alarm_status(&self, slot: usize, status: &AlarmStatus) {
+    /// Shows where the alarm of the slot with the index `slot` stands.
+    fn publish_alarm_status(&self, slot: usize, status: &AlarmStatus) {
         if let Some(place) = self.image.slots.get(slot) {
             self.store(place.alarm, &status.to_words());
         }

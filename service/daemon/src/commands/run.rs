@@ -182,15 +182,15 @@ pub fn step_loop<'a>(
     let path = configuration.daemon.instance().bounds_path();
     let prepared = PreparedTable::create(&path, &spec, &access)?;
     let alarms = prepared.alarm_status();
-    let table = prepared.publish()?;
     resume_alarms(&mut engine, &path, &alarms);
     for (slot, known) in alarms.iter().enumerate() {
         if known.is_none()
             && let Some(alarm) = engine.alarm(slot)
         {
-            table.publish_alarm_status(slot, &alarm.status());
+            prepared.show_alarm_status(slot, &alarm.status());
         }
     }
+    let table = prepared.publish()?;
     let publication = Publication::new(table, queue, Reported::of(&engine));
     Ok(StepLoop {
         engine,

@@ -115,6 +115,11 @@ impl Lifecycle {
         self.state.occurrences
     }
 
+    /// Goes on counting where the alarm of an earlier diagnoser of the same name has stopped.
+    pub fn count_from(&mut self, occurrences: u64) {
+        self.state.occurrences = occurrences;
+    }
+
     /// Somebody has seen the alarm: it is marked acknowledged, and cleared if only the latch still held it.
     ///
     /// None if no fault is reported or it is acknowledged already.

@@ -29,10 +29,14 @@ pub struct Ticket(u64);
 
 /// What the step thread shall do between two sampling instants.
 pub enum Command {
-    /// Return the diagnoser in this slot to the state right after its construction.
-    Reset(usize),
-    /// Acknowledge the alarm of the diagnoser in this slot; with a number, only if it is this occurrence of it.
-    Acknowledge(usize, Option<u64>),
+    /// Return the diagnoser with this identity to the state right after its construction.
+    ///
+    /// [`SlotSpec::identity`](residual_shared::bounds_table::SlotSpec::identity): until the command is obeyed, a
+    /// reload may have given its slot to another one.
+    Reset(u64),
+    /// Acknowledge the alarm of the diagnoser with this identity; with a number, only if it is this occurrence of
+    /// it.
+    Acknowledge(u64, Option<u64>),
     /// Go on with a snapshot of all states.
     Save(Box<Snapshot>),
     /// Go on with another configuration.
@@ -45,8 +49,8 @@ pub enum Reply {
     Reset,
     /// The alarm is acknowledged, or there was none to acknowledge (false).
     Acknowledged(bool),
-    /// There is no such slot; nothing was done.
-    NoSuchSlot,
+    /// There is no diagnoser with this identity; nothing was done.
+    NoSuchDiagnoser,
     /// The snapshot, and how far it came.
     Saved(Box<Snapshot>, Progress),
     /// The old configuration, or the new one and why it was not taken.
@@ -88,6 +92,11 @@ impl CommandSender {
         self.flush();
     }
 
+    /// Takes back the commands of this ticket that still wait on this side.
+    pub fn cancel(&mut self, ticket: Ticket) {
+        self.waiting.retain(|(of, _)| *of != ticket);
+    }
+
     /// The next reply, if one has come.
     pub fn reply(&mut self) -> Option<(Ticket, Reply)> {
         self.flush();
@@ -112,6 +121,11 @@ pub struct CommandInbox {
 }
 
 impl CommandInbox {
+    /// Whether there is a command, and room for its reply.
+    pub fn has_next(&self) -> bool {
+        self.replies.slots() > 0 && !self.commands.is_empty()
+    }
+
     /// The next command, if there is one and room for its reply.
     pub fn receive(&mut self) -> Option<(Ticket, Command)> {
         if self.replies.slots() == 0 {
@@ -144,10 +158,11 @@ mod tests {
     #[test]
     fn every_command_of_a_flood_is_executed_in_order_a_few_in_each_turn_and_replied_to() {
         let (mut sender, mut inbox) = channel();
-        let tickets: Vec<Ticket> = (0..5 * QUEUE)
-            .map(|slot| {
+        let identities = 0..5 * QUEUE as u64;
+        let tickets: Vec<Ticket> = (identities.clone())
+            .map(|identity| {
                 let ticket = sender.ticket();
-                sender.send(ticket, Command::Reset(slot));
+                sender.send(ticket, Command::Reset(identity));
                 ticket
             })
             .collect();
@@ -155,17 +170,38 @@ mod tests {
         while executed.len() < tickets.len() {
             let before = executed.len();
             take(&mut inbox, |command| {
-                let Command::Reset(slot) = command else {
+                let Command::Reset(identity) = command else {
                     panic!("nobody sent this")
                 };
-                executed.push(slot);
+                executed.push(identity);
                 Reply::Reset
             });
             assert_eq!(executed.len() - before, COMMANDS_PER_TURN);
             replied.extend(std::iter::from_fn(|| sender.reply()).map(|(ticket, _)| ticket));
         }
-        assert_eq!(executed, (0..5 * QUEUE).collect::<Vec<_>>());
+        assert_eq!(executed, identities.collect::<Vec<_>>());
         assert_eq!(replied, tickets);
+    }
+
+    #[test]
+    fn a_cancelled_ticket_takes_back_what_has_not_reached_the_queue_and_nothing_of_others() {
+        let (mut sender, mut inbox) = channel();
+        let (given_up, other) = (sender.ticket(), sender.ticket());
+        for _ in 0..2 * QUEUE {
+            sender.send(given_up, Command::Reset(0));
+        }
+        sender.send(other, Command::Reset(1));
+        sender.cancel(given_up);
+        let mut obeyed = Vec::new();
+        while inbox.has_next() {
+            take(&mut inbox, |command| {
+                obeyed.push(matches!(command, Command::Reset(1)));
+                Reply::Reset
+            });
+            while sender.reply().is_some() {}
+        }
+        let of_others = obeyed.iter().filter(|of_other| **of_other).count();
+        assert_eq!((obeyed.len(), of_others), (QUEUE + 1, 1));
     }
 
     #[test]

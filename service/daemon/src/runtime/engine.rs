@@ -180,11 +180,11 @@ impl Engine {
         }
     }
 
-    /// The latest record of each diagnoser that has done a step, with its slot.
+    /// The latest record of each diagnoser that has done a step since its start or its last reset, with its slot.
     pub fn latest_records(&self) -> impl Iterator<Item = (usize, &StepRecord)> {
         let units = self.units.iter().enumerate();
         units
-            .filter(|(_, unit)| unit.counters.steps > 0)
+            .filter(|(_, unit)| unit.has_record)
             .map(|(slot, unit)| (slot, &unit.record))
     }
 

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use residual_shared::alarm::{AlarmTransition, NONE};
 use residual_shared::bounds_table::{CreateError, PreparedTable, TableWriter};
 use residual_shared::clock::monotonic_ns;
-use residual_shared::counters::{InputCounters, ScheduleCounters};
+use residual_shared::counters::{AlarmStatus, InputCounters, ScheduleCounters};
 use residual_shared::transport::{Node, SampleSubscriber, TransportError};
 
 use super::companion::{Introduction, Message};
@@ -125,6 +125,14 @@ impl StepLoop<'_> {
         }
         let created = self.subscribe_to_new_inputs(exchange)?;
         if let Some(prepared) = exchange.prepared.take() {
+            for (slot, place) in exchange.same.named.iter().enumerate() {
+                let occurrences = place.and_then(|place| self.engine.occurrences(place));
+                let cleared = AlarmStatus {
+                    occurrences: occurrences.unwrap_or_default(),
+                    ..AlarmStatus::default()
+                };
+                prepared.show_alarm_status(slot, &cleared);
+            }
             let table = prepared.publish()?;
             exchange.replaced = Some(std::mem::replace(&mut self.publication.table, table));
         }

@@ -13,6 +13,9 @@ use crate::configuration::DaemonSection;
 /// From start-up to the epoch of the schedule: lets everything settle before the first step.
 const HEAD_START_NS: u64 = 20_000_000;
 
+/// [`boot_id`] where the system does not tell it.
+const UNKNOWN_BOOT: u128 = 0;
+
 /// The begin of a life.
 pub struct Life {
     /// Its time and its sampling instants: those of the earlier life, if it goes on from one.
@@ -158,8 +161,8 @@ fn has_this_time(checkpoint: &Checkpoint, daemon: &DaemonSection, speed: f64) ->
         origin_ns: checkpoint.origin_ns,
         speed,
     };
-    let reason = if checkpoint.boot_id != boot_id() {
-        "the machine was started since, and its clock began anew".into()
+    let reason = if !is_same_boot(checkpoint.boot_id, boot_id()) {
+        "the machine was started since, and its clock began anew, or nobody can tell whether it was".into()
     } else if checkpoint.speed != speed {
         format!("the daemon's time ran with speed {} then", checkpoint.speed)
     } else if checkpoint.origin_ns > monotonic_ns() || checkpoint.epoch_ns > now.now_ns() + HEAD_START_NS {
@@ -173,6 +176,11 @@ fn has_this_time(checkpoint: &Checkpoint, daemon: &DaemonSection, speed: f64) ->
         path.display()
     );
     false
+}
+
+/// Whether two moments are of the same boot; an unknown boot is the same as none.
+fn is_same_boot(one: u128, other: u128) -> bool {
+    one == other && one != UNKNOWN_BOOT
 }
 
 /// The parts of the diagnosers and those of the inputs; none if there are not as many as there should be.
@@ -191,4 +199,17 @@ fn split(checkpoint: &Checkpoint) -> (Vec<&[u8]>, Vec<&[u8]>) {
 fn part_of<'a>(identity: &Identity, saved: &[Identity], parts: &[&'a [u8]]) -> Option<&'a [u8]> {
     let place = saved.iter().position(|saved| saved == identity)?;
     parts.get(place).copied()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boots_are_the_same_only_if_they_are_known() {
+        assert!(is_same_boot(7, 7));
+        assert!(!is_same_boot(7, 8));
+        assert!(!is_same_boot(UNKNOWN_BOOT, 7));
+        assert!(!is_same_boot(UNKNOWN_BOOT, UNKNOWN_BOOT));
+    }
 }

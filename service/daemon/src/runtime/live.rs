@@ -23,6 +23,9 @@ use super::running::Running;
 /// How long a part of a snapshot may keep the steps of a turn waiting, nanoseconds.
 const SAVE_WITHIN_NS: u64 = 100_000;
 
+/// Longest sleep while commands are waiting, nanoseconds.
+const COMMAND_PAUSE_NS: u64 = 1_000_000;
+
 /// Shortest time between two reports of the same counters to the log.
 const REPORT_PERIOD_NS: u64 = 1_000_000_000;
 
@@ -159,14 +162,19 @@ impl StepLoop<'_> {
         (self.engine, self.running)
     }
 
-    /// Sleeps until the next step is due, at most one heartbeat long.
+    /// Sleeps until the next step is due, at most one heartbeat long, and less while commands are waiting.
     fn wait(&self) {
-        let heartbeat_ns = monotonic_ns() + HEARTBEAT_PERIOD_NS;
+        let longest_ns = if self.commands.has_next() {
+            COMMAND_PAUSE_NS
+        } else {
+            HEARTBEAT_PERIOD_NS
+        };
+        let latest_ns = monotonic_ns() + longest_ns;
         let due_ns = self
             .engine
             .next_due_ns()
             .map_or(u64::MAX, |due| self.time.to_monotonic(due));
-        sleep_until_monotonic(due_ns.min(heartbeat_ns));
+        sleep_until_monotonic(due_ns.min(latest_ns));
     }
 
     /// Receives every waiting sample, does every due step, publishes, obeys commands.
@@ -189,7 +197,8 @@ impl StepLoop<'_> {
         self.obey();
     }
 
-    /// Does what the companion has asked for, when no step is due.
+    /// Does some of what the companion has asked for, whether or not a step has fallen due meanwhile: a daemon that
+    /// is always late obeys as well.
     fn obey(&mut self) {
         for _ in 0..COMMANDS_PER_TURN {
             let Some((ticket, command)) = self.commands.receive() else {
@@ -203,18 +212,23 @@ impl StepLoop<'_> {
     fn execute(&mut self, command: Command) -> Reply {
         let (engine, sink) = (&mut self.engine, &mut self.publication);
         match command {
-            Command::Reset(slot) if engine.reset(slot, sink) => Reply::Reset,
-            Command::Reset(_) => Reply::NoSuchSlot,
-            // Another one has come since, which nobody has seen.
-            Command::Acknowledge(slot, Some(seen))
-                if engine.occurrences(slot).is_some_and(|now| now != seen) =>
-            {
-                Reply::Acknowledged(false)
-            }
-            Command::Acknowledge(slot, _) => match engine.acknowledge(slot, sink) {
-                Some(acknowledged) => Reply::Acknowledged(acknowledged),
-                None => Reply::NoSuchSlot,
+            Command::Reset(identity) => match sink.table.slot_with_identity(identity) {
+                Some(slot) if engine.reset(slot, sink) => Reply::Reset,
+                _ => Reply::NoSuchDiagnoser,
             },
+            Command::Acknowledge(identity, seen) => {
+                let Some(slot) = sink.table.slot_with_identity(identity) else {
+                    return Reply::NoSuchDiagnoser;
+                };
+                if seen.is_some_and(|seen| engine.occurrences(slot) != Some(seen)) {
+                    // Another one has come since, which nobody has seen.
+                    return Reply::Acknowledged(false);
+                }
+                match engine.acknowledge(slot, sink) {
+                    Some(acknowledged) => Reply::Acknowledged(acknowledged),
+                    None => Reply::NoSuchDiagnoser,
+                }
+            }
             Command::Save(mut snapshot) => {
                 let end_ns = monotonic_ns() + SAVE_WITHIN_NS;
                 let progress = engine.save(&mut snapshot, || monotonic_ns() < end_ns);

@@ -9,7 +9,7 @@ use residual_shared::counters::AlarmStatus;
 use super::engine::Engine;
 use crate::lifecycle::LifecycleState;
 
-/// Lets the alarms of `engine` go on from where they stood in the table that the one at `path` has replaced, by
+/// Lets the alarms of `engine` go on from where they stood in the table of the earlier life at `path`, by
 /// slot. An alarm that a checkpoint has restored to just that stays as it is.
 pub fn resume_alarms(engine: &mut Engine, path: &Path, status: &[Option<AlarmStatus>]) {
     let table = TableReader::open(path).ok();

@@ -12,6 +12,9 @@ pub struct Correspondence {
     /// Diagnosers that replace one of their name with the same instants: they begin with the instant that would
     /// have been the next one of the old one.
     pub replaced: Vec<Option<usize>>,
+    /// Diagnosers of the same name, whatever else has changed: they go on counting how often their alarm was
+    /// raised, so that an alarm that nobody has seen is never taken for an older one.
+    pub named: Vec<Option<usize>>,
 }
 
 impl Engine {
@@ -43,6 +46,9 @@ impl Engine {
                 Some(before) => before.next_step,
                 None => unit.timing.first_step_from(self.epoch_ns, now_ns),
             };
+            if let Some(before) = place_in(&same.named).and_then(|place| old.units.get(place)) {
+                unit.lifecycle.count_from(before.lifecycle.occurrences());
+            }
             unit.assembler.begin(&self.inboxes);
         }
         self.refill_agenda();

@@ -53,6 +53,8 @@ pub(super) struct Unit {
     pub(super) was_reset: bool,
     pub(super) next_step: u64,
     pub(super) record: StepRecord,
+    /// Whether `record` is of a step, and not the blank one of a start or a reset.
+    pub(super) has_record: bool,
     pub(super) lifecycle: Lifecycle,
     pub(super) enabling: Enabling,
     pub(super) counters: ScheduleCounters,
@@ -79,6 +81,7 @@ impl Unit {
             enabling: unit.enabling,
             next_step: 0,
             record: StepRecord::new(channel_count),
+            has_record: false,
             counters: ScheduleCounters::default(),
             skipped: 0,
         }
@@ -88,6 +91,7 @@ impl Unit {
     pub(super) fn reset(&mut self) {
         self.diagnoser.reset();
         self.record = StepRecord::new(self.diagnoser.description().channels.len());
+        self.has_record = false;
         self.begun = false;
         self.was_reset = true;
     }
@@ -144,6 +148,7 @@ impl Unit {
         });
         let changes = self.lifecycle.advance(record, enabled);
 
+        self.has_record = true;
         self.next_step += 1;
         self.counters.steps += 1;
         self.counters.overruns += u64::from(overrun);

@@ -26,10 +26,18 @@ pub struct Upkeep {
     /// Set as soon as the schedule stands.
     grid: OnceLock<Grid>,
     running: Mutex<Arc<Running>>,
-    /// Where states are written to; it keeps its room from one checkpoint to the next. None after the last one.
-    snapshot: Mutex<Option<Box<Snapshot>>>,
+    snapshot: Mutex<SnapshotRoom>,
     /// Set by a signal: reload.
     reload: Arc<AtomicBool>,
+}
+
+/// Where states are written to.
+#[derive(Default)]
+struct SnapshotRoom {
+    /// Its room is kept from one checkpoint to the next; a checkpoint that ended in the middle has taken it away.
+    snapshot: Box<Snapshot>,
+    /// Whether the last checkpoint has been made.
+    finished: bool,
 }
 
 /// Why there is no new checkpoint.
@@ -60,7 +68,7 @@ impl Upkeep {
             log,
             grid: OnceLock::new(),
             running: Mutex::new(running),
-            snapshot: Mutex::new(Some(Box::default())),
+            snapshot: Mutex::default(),
             reload,
         })
     }
@@ -130,9 +138,11 @@ impl Upkeep {
         let file = running.configuration.daemon.checkpoint_file.as_deref();
         let file = file.ok_or(NoCheckpoint::NoFile)?;
         let grid = self.grid().ok_or(NoCheckpoint::Starting)?;
-        let mut place = locked(&self.snapshot);
-        // It is put back below; what a stopping daemon keeps is of no use any more.
-        let mut snapshot = place.take().ok_or(ControlError::Stopping)?;
+        let mut room = locked(&self.snapshot);
+        if room.finished {
+            return Err(ControlError::Stopping.into());
+        }
+        let mut snapshot = std::mem::take(&mut room.snapshot);
         snapshot.clear();
         loop {
             let Reply::Saved(written, progress) = step_thread.command(Command::Save(snapshot))? else {
@@ -146,7 +156,7 @@ impl Upkeep {
             }
         }
         let outcome = write(file, &running, grid, &snapshot);
-        *place = Some(snapshot);
+        room.snapshot = snapshot;
         outcome
     }
 
@@ -155,13 +165,15 @@ impl Upkeep {
         let Some(file) = &running.configuration.daemon.checkpoint_file else {
             return;
         };
-        // A checkpoint that is being written is waited for; a later one finds nothing to write to.
-        let mut snapshot = locked(&self.snapshot).take().unwrap_or_default();
+        // A checkpoint that is being written is waited for; there is no later one.
+        let mut room = locked(&self.snapshot);
+        room.finished = true;
+        let snapshot = &mut room.snapshot;
         snapshot.clear();
-        while engine.save(&mut snapshot, || true) != Progress::Whole {
+        while engine.save(snapshot, || true) != Progress::Whole {
             snapshot.grow();
         }
-        let written = self.grid().map(|grid| write(file, running, grid, &snapshot));
+        let written = self.grid().map(|grid| write(file, running, grid, snapshot));
         match written {
             Some(Ok(outcome)) => info!(path = outcome.path, bytes = outcome.bytes, "checkpoint"),
             Some(Err(error)) => warn!("{error}"),

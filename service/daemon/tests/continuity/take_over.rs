@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 use residual_shared::alarm::{AlarmState, alarm_flags};
 use residuald::identities::Identities;
+use residuald::runtime::engine::Engine;
 
 use crate::allocation::allocations;
 use crate::fixture::{Records, Said, Setup, assert_same, samples};
@@ -113,7 +114,7 @@ proptest! {
         for said in &records.list {
             prop_assert_eq!(said.record.skipped_instants, 0);
         }
-        let counters = |setup: &Setup, engine: &residuald::runtime::engine::Engine, name: &str| {
+        let counters = |setup: &Setup, engine: &Engine, name: &str| {
             let slot = setup.configuration.diagnosers.iter().position(|d| d.name == name).unwrap();
             *engine.schedule_counters().nth(slot).unwrap()
         };
@@ -142,7 +143,7 @@ fn last_states(records: &Records) -> Vec<AlarmState> {
 }
 
 #[test]
-fn a_changed_diagnoser_begins_afresh_with_the_instant_that_would_have_been_the_next() {
+fn a_changed_diagnoser_begins_afresh_with_the_next_instant_and_goes_on_counting_its_alarms() {
     let all = Setup::all();
     let mut engine = all.engine();
     let mut records = all.records();
@@ -163,7 +164,14 @@ fn a_changed_diagnoser_begins_afresh_with_the_instant_that_would_have_been_the_n
     assert!(same.kept.iter().all(Option::is_none));
     assert!(same.inputs.iter().all(Option::is_some));
     let mut next = changed.engine();
+    let slots = 0..all.diagnosers.len();
+    let occurrences = |engine: &Engine| -> Vec<Option<u64>> {
+        slots.clone().map(|slot| engine.occurrences(slot)).collect()
+    };
+    let raised = occurrences(&engine);
+    assert!(raised.iter().any(|count| *count > Some(0)), "{raised:?}");
     next.take_over(&mut engine, &same, now_ns);
+    assert_eq!(occurrences(&next), raised);
     let last: Vec<u64> = (records.names.iter())
         .map(|name| {
             let own = records.list.iter().filter(|said| said.diagnoser == *name);
@@ -192,4 +200,22 @@ fn a_changed_diagnoser_begins_afresh_with_the_instant_that_would_have_been_the_n
             assert_eq!(transition.flags, alarm_flags::WITHDRAWN);
         }
     }
+}
+
+#[test]
+fn a_diagnoser_that_was_reset_has_no_record_to_show_before_its_next_step() {
+    let all = Setup::all();
+    let mut engine = all.engine();
+    let mut records = all.records();
+    for sample in samples(1, 1) {
+        all.feed(&mut engine, &sample, &mut records);
+    }
+    let shown = |engine: &Engine| -> Vec<usize> { engine.latest_records().map(|(slot, _)| slot).collect() };
+    let before = shown(&engine);
+    let slot = before[0];
+    assert!(engine.reset(slot, &mut records));
+    assert_eq!(shown(&engine), before[1..]);
+    let now_ns = engine.next_due_ns().unwrap() + crate::fixture::SECOND_NS;
+    crate::fixture::step_before(&mut engine, now_ns, &mut records);
+    assert!(shown(&engine).contains(&slot));
 }

@@ -3,7 +3,6 @@
 //!
 //! It reads the ring of the bounds table as every client does: nothing is copied to it, and no queue can be full.
 
-use std::fmt::Write as _;
 use std::time::Duration;
 
 use residual_shared::alarm::{AlarmTransition, alarm_flags};
@@ -23,6 +22,8 @@ pub(super) struct AlarmWatch {
     first_epoch: Option<u64>,
     /// Number of the transition that was looked at last.
     seen: u64,
+    /// Whether all that comes after it is of this process: what an earlier life lost is not lost here.
+    is_own: bool,
     refused: bool,
 }
 
@@ -35,6 +36,7 @@ impl AlarmWatch {
             table: None,
             first_epoch: None,
             seen: 0,
+            is_own: false,
             refused: false,
         }
     }
@@ -78,12 +80,13 @@ impl AlarmWatch {
         let newest = table.newest_alarm();
         let oldest = newest.saturating_sub(u64::from(table.directory().spec.alarm_capacity)) + 1;
         let mut lost = 0;
-        if self.seen > 0 {
+        if self.is_own {
             lost = oldest.saturating_sub(self.seen + 1);
         }
         for number in oldest.max(self.seen + 1)..=newest {
             match table.read_alarm(number) {
                 AlarmRead::Transition(transition) if transition.number.epoch >= first_epoch => {
+                    self.is_own = true;
                     log(table, &transition);
                     if let Err(error) = self.notifier.notify(transition.state)
                         && !self.refused
@@ -93,13 +96,14 @@ impl AlarmWatch {
                     }
                 }
                 AlarmRead::Transition(_) | AlarmRead::Waiting => {}
-                AlarmRead::Lost => lost += 1,
+                AlarmRead::Lost => lost += u64::from(self.is_own),
             }
         }
         if lost > 0 {
             warn!(transitions = lost, "alarms came too fast for the log");
         }
         self.seen = newest;
+        self.is_own = true;
     }
 }
 
@@ -135,16 +139,9 @@ fn log(table: &TableReader, transition: &AlarmTransition) {
 }
 
 fn state_and_flags(transition: &AlarmTransition) -> String {
-    let mut text = transition.state.name().to_owned();
-    for (flag, name) in [
-        (alarm_flags::LATCHED, "latched"),
-        (alarm_flags::ACKNOWLEDGED, "acknowledged"),
-        (alarm_flags::RESET, "by a reset"),
-        (alarm_flags::WITHDRAWN, "withdrawn"),
-    ] {
-        if transition.flags & flag != 0 {
-            let _ = write!(text, ", {name}");
-        }
-    }
-    text
+    let state = std::iter::once(transition.state.name());
+    state
+        .chain(alarm_flags::names(transition.flags))
+        .collect::<Vec<_>>()
+        .join(", ")
 }

@@ -20,8 +20,8 @@ use super::task::{Due, RunningTask, Task, Work};
 use crate::logging::LogFilter;
 use crate::runtime::command::{Command, CommandSender, Reply, Ticket};
 
-/// How long the step thread may take for the commands of a request: it takes some at every heartbeat, at the latest
-/// every 100 ms. Clients wait longer by default, so that they get this answer.
+/// How long the step thread may take for the commands of a request: it takes the first ones at its next heartbeat, at
+/// the latest after 100 ms, and some every millisecond from then on. Clients wait longer by default, so that they get this answer.
 const OBEY_WITHIN: Duration = Duration::from_secs(3);
 
 /// Shortest time between two lines of the log about rejected requests, so that a flood of them does not fill it.
@@ -37,6 +37,9 @@ pub struct Identity {
     pub program: String,
     /// The diagnosers by slot; their counters are filled in when asked for.
     pub diagnosers: Vec<DiagnoserDescription>,
+    /// [`SlotSpec::identity`](residual_shared::bounds_table::SlotSpec::identity) of each diagnoser: by it, the step
+    /// thread knows them over every reload.
+    pub identities: Vec<u64>,
 }
 
 /// What control requests act on.
@@ -60,6 +63,10 @@ struct Pending {
     outstanding: usize,
     /// Commands that did something.
     done: u32,
+    /// The diagnoser that is asked for by its name or its alarm.
+    named: Option<String>,
+    /// Whether it was gone when its command was to be obeyed.
+    gone: bool,
     /// The answer, from the number above.
     answer: fn(u32) -> Response,
 }
@@ -153,7 +160,7 @@ impl ControlDesk {
         match outcome {
             Ok(Outcome::Answer(response)) => self.answer(asker, &Ok(*response), name),
             Err(error) => self.answer(asker, &Err(error), name),
-            Ok(Outcome::Commands(commands, answer)) => self.send(asker, commands, answer),
+            Ok(Outcome::Commands(commands)) => self.send(asker, commands),
         }
     }
 
@@ -171,7 +178,7 @@ impl ControlDesk {
             period_ns: diagnoser.period_ns,
             channels: diagnoser.channels.len() as u32,
             faults: diagnoser.faults.len() as u32,
-            steps: counters(table.as_ref(), diagnoser.slot).steps,
+            steps: counters(table.as_ref(), &diagnoser.name).steps,
         };
         let from = (first as usize).min(diagnosers.len());
         Listing {
@@ -189,7 +196,7 @@ impl ControlDesk {
 
     fn describe(&self, name: &str) -> Result<Outcome, ControlError> {
         let mut description = self.identity.diagnosers[self.slot_of(name)?].clone();
-        let counters = counters(self.table().as_ref(), description.slot).to_words();
+        let counters = counters(self.table().as_ref(), name).to_words();
         description.counters = ScheduleCounters::NAMES
             .iter()
             .zip(counters)
@@ -202,27 +209,38 @@ impl ControlDesk {
     }
 
     fn reset(&self, which: Which) -> Result<Outcome, ControlError> {
-        let slots = match which {
-            Which::All => 0..self.identity.diagnosers.len(),
-            Which::Diagnoser(name) => one(self.slot_of(&name)?),
-        };
         let answer = |diagnosers| Response::Reset { diagnosers };
-        Ok(Outcome::Commands(slots.map(Command::Reset).collect(), answer))
+        let (list, named) = match which {
+            Which::All => (self.to_all(Command::Reset), None),
+            Which::Diagnoser(name) => (vec![Command::Reset(self.identity_of(&name)?)], Some(name)),
+        };
+        Ok(Outcome::Commands(Commands { list, named, answer }))
     }
 
     fn acknowledge(&self, alarms: Alarms) -> Result<Outcome, ControlError> {
-        let commands = match alarms {
-            Alarms::All => (0..self.identity.diagnosers.len())
-                .map(|slot| Command::Acknowledge(slot, None))
-                .collect(),
-            Alarms::Diagnoser(name) => vec![Command::Acknowledge(self.slot_of(&name)?, None)],
+        let answer = |alarms| Response::Acknowledged { alarms };
+        let (list, named) = match alarms {
+            Alarms::All => (self.to_all(|identity| Command::Acknowledge(identity, None)), None),
+            Alarms::Diagnoser(name) => (
+                vec![Command::Acknowledge(self.identity_of(&name)?, None)],
+                Some(name),
+            ),
             Alarms::Number { epoch, number } => {
-                let (slot, occurrence) = self.occurrence_of(AlarmNumber { epoch, number })?;
-                vec![Command::Acknowledge(slot, Some(occurrence))]
+                let (name, command) = self.acknowledgement_of(AlarmNumber { epoch, number })?;
+                (vec![command], Some(name))
             }
         };
-        let answer = |alarms| Response::Acknowledged { alarms };
-        Ok(Outcome::Commands(commands, answer))
+        Ok(Outcome::Commands(Commands { list, named, answer }))
+    }
+
+    fn to_all(&self, command: impl Fn(u64) -> Command) -> Vec<Command> {
+        self.identity.identities.iter().copied().map(command).collect()
+    }
+
+    fn identity_of(&self, name: &str) -> Result<u64, ControlError> {
+        let slot = self.slot_of(name)?;
+        let identity = self.identity.identities.get(slot).copied();
+        identity.ok_or_else(|| exchanged(name))
     }
 
     fn set_log_level(&self, filter: &str) -> Result<Outcome, ControlError> {
@@ -256,8 +274,9 @@ impl ControlDesk {
             })
     }
 
-    /// Slot and occurrence of the alarm that a transition belongs to, if it is still the alarm of its diagnoser.
-    fn occurrence_of(&self, number: AlarmNumber) -> Result<(usize, u64), ControlError> {
+    /// The diagnoser of the alarm that a transition belongs to, and the command that acknowledges this alarm, if it
+    /// is still the one of its diagnoser.
+    fn acknowledgement_of(&self, number: AlarmNumber) -> Result<(String, Command), ControlError> {
         let unknown = || ControlError::NoSuchAlarm {
             number: number.to_string(),
         };
@@ -270,14 +289,15 @@ impl ControlDesk {
         };
         let slot = transition.slot as usize;
         let status = table.read_alarm_status(slot).map_err(|_| unknown())?;
-        let diagnoser = self.identity.diagnosers.get(slot).ok_or_else(unknown)?;
+        let diagnoser = table.directory().spec.slots.get(slot).ok_or_else(unknown)?;
         if status.occurrences != transition.occurrence {
             return Err(ControlError::AlarmSuperseded {
                 number: number.to_string(),
                 diagnoser: diagnoser.name.clone(),
             });
         }
-        Ok((slot, transition.occurrence))
+        let command = Command::Acknowledge(transition.identity, Some(transition.occurrence));
+        Ok((diagnoser.name.clone(), command))
     }
 
     /// The daemon's own table; none while it is starting.
@@ -286,17 +306,20 @@ impl ControlDesk {
         (table.directory().pid == std::process::id()).then_some(table)
     }
 
-    fn send(&mut self, asker: Asker, commands: Vec<Command>, answer: fn(u32) -> Response) {
+    fn send(&mut self, asker: Asker, commands: Commands) {
+        let Commands { list, named, answer } = commands;
         let ticket = self.control.commands.ticket();
         self.pending.push(Pending {
             ticket,
             asker,
             since: Instant::now(),
-            outstanding: commands.len(),
+            outstanding: list.len(),
             done: 0,
+            named,
+            gone: false,
             answer,
         });
-        for command in commands {
+        for command in list {
             self.control.commands.send(ticket, command);
         }
     }
@@ -327,10 +350,11 @@ impl ControlDesk {
             return;
         };
         pending.outstanding -= 1;
-        pending.done += match reply {
-            Reply::Reset | Reply::Acknowledged(true) => 1,
-            Reply::Acknowledged(false) | Reply::NoSuchSlot | Reply::Saved(..) | Reply::Exchanged(..) => 0,
-        };
+        match reply {
+            Reply::Reset | Reply::Acknowledged(true) => pending.done += 1,
+            Reply::NoSuchDiagnoser => pending.gone = true,
+            Reply::Acknowledged(false) | Reply::Saved(..) | Reply::Exchanged(..) => {}
+        }
     }
 
     /// Answers the requests whose commands are all obeyed, or have not been for too long.
@@ -341,8 +365,10 @@ impl ControlDesk {
             .partition(|pending| pending.outstanding == 0 || pending.since.elapsed() >= OBEY_WITHIN);
         self.pending = pending;
         for pending in over {
-            let answer = match pending.outstanding {
-                0 => Ok((pending.answer)(pending.done)),
+            self.control.commands.cancel(pending.ticket);
+            let answer = match (pending.outstanding, &pending.named) {
+                (0, Some(name)) if pending.gone => Err(exchanged(name)),
+                (0, _) => Ok((pending.answer)(pending.done)),
                 _ => Err(ControlError::NotObeyed {
                     waited_ms: OBEY_WITHIN.as_millis() as u64,
                 }),
@@ -381,8 +407,17 @@ fn report(answer: &Answer, request: &str) {
 enum Outcome {
     /// It is done.
     Answer(Box<Response>),
-    /// The step thread has to do these; the answer is made from the number of those that did something.
-    Commands(Vec<Command>, fn(u32) -> Response),
+    /// The step thread has to do these.
+    Commands(Commands),
+}
+
+/// What the step thread has to do for a request.
+struct Commands {
+    list: Vec<Command>,
+    /// The diagnoser that is asked for by its name or its alarm; without it the request has failed.
+    named: Option<String>,
+    /// The answer, from the number of commands that did something.
+    answer: fn(u32) -> Response,
 }
 
 impl Outcome {
@@ -391,12 +426,21 @@ impl Outcome {
     }
 }
 
-fn one(slot: usize) -> std::ops::Range<usize> {
-    slot..slot + 1
+/// A reload came before the command was obeyed.
+fn exchanged(name: &str) -> ControlError {
+    ControlError::Refused {
+        reason: format!(
+            "another configuration has come in between, in which `{name}` is not what it was; look at it and ask again"
+        ),
+    }
 }
 
-fn counters(table: Option<&TableReader>, slot: u32) -> ScheduleCounters {
-    table
-        .and_then(|table| table.read_schedule_counters(slot as usize).ok())
-        .unwrap_or_default()
+/// Counters of the diagnoser with this name: in the newest table it may have another slot than here.
+fn counters(table: Option<&TableReader>, name: &str) -> ScheduleCounters {
+    let read = |table: &TableReader| {
+        let slots = &table.directory().spec.slots;
+        let slot = slots.iter().position(|slot| slot.name == name)?;
+        table.read_schedule_counters(slot).ok()
+    };
+    table.and_then(read).unwrap_or_default()
 }
