@@ -1,5 +1,7 @@
 //! Counters that make every rejected, lost or late sample and every skipped instant visible.
 
+use crate::alarm::AlarmTransition;
+
 /// Declares a struct of `u64` counters together with their names and their conversion to and from words.
 macro_rules! counters {
     ($(#[$outer:meta])* $name:ident { $($(#[$inner:meta])* $field:ident,)* }) => {
@@ -88,6 +90,19 @@ counters! {
         number,
         /// Sampling instant of its latest transition, nanoseconds of the daemon's time.
         instant_ns,
+    }
+}
+
+impl AlarmStatus {
+    /// Where the alarm stands after this transition.
+    pub fn after(transition: &AlarmTransition) -> Self {
+        Self {
+            state: transition.state as u64,
+            flags: u64::from(transition.flags),
+            occurrences: transition.occurrence,
+            number: transition.number.number,
+            instant_ns: transition.instant_ns,
+        }
     }
 }
 

@@ -7,7 +7,8 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use common::{OWN, directory, slot, spec};
-use residual_shared::alarm::{AlarmState, AlarmTransition, NONE};
+use residual_shared::alarm::{AlarmState, AlarmTransition, NONE, alarm_flags};
+use residual_shared::bounds_table::layout::{ALARM_WORDS, alarm_ring, header};
 use residual_shared::bounds_table::{AlarmRead, PreparedTable, TableReader, TableWriter};
 use residual_shared::clock::monotonic_ns;
 use residual_shared::counters::AlarmStatus;
@@ -99,16 +100,17 @@ fn a_new_life_goes_on_with_the_numbers_and_keeps_the_transitions_of_the_old_one(
     assert_eq!(status[1], None);
     let mut second = prepared.publish().unwrap();
     assert!(old.is_replaced());
-    assert_eq!(second.raise(&transition(1, 3)).number, 3);
+    // Number 3 withdraws the alarm of the one that has other channels now.
+    assert_eq!(second.raise(&transition(1, 4)).number, 4);
 
     let table = TableReader::open(&path).unwrap();
     let origin = table.directory().alarm_origin;
     assert_eq!(origin, first_epoch);
-    let all: Vec<_> = (1..=3).map(|number| read(&table, number)).collect();
+    let all: Vec<_> = (1..=4).map(|number| read(&table, number)).collect();
     let epochs: Vec<_> = all.iter().map(|transition| transition.number.epoch).collect();
-    assert_eq!(epochs, [first_epoch, first_epoch, second.epoch()]);
+    assert_eq!(epochs, [first_epoch, first_epoch, second.epoch(), second.epoch()]);
     let slots: Vec<_> = all.iter().map(|transition| transition.slot).collect();
-    assert_eq!(slots, [NONE, 0, 1]);
+    assert_eq!(slots, [NONE, 0, NONE, 1]);
 }
 
 #[test]
@@ -201,4 +203,93 @@ fn sleepers_wake_by_a_transition_and_by_the_end_of_the_daemon() {
     thread::sleep(Duration::from_millis(100));
     daemon.close();
     assert!(sleeper.join().unwrap() < limit / 2);
+}
+
+#[test]
+fn numbers_begin_anew_when_the_old_table_is_cut_off_or_its_newest_number_is_absurd() {
+    let cut = |words: &mut Vec<u64>| words.truncate(words.len() - 4 * ALARM_WORDS);
+    let absurd = |words: &mut Vec<u64>| {
+        let ring = words[header::ALARM_RING] as usize / 8;
+        words[ring + alarm_ring::NEWEST] = u64::MAX;
+    };
+    let damages: [&dyn Fn(&mut Vec<u64>); 2] = [&cut, &absurd];
+    for damage in damages {
+        let directory = directory();
+        let path = directory.path().join("bounds");
+        let spec = spec(vec![slot("a", 1)]);
+        let mut first = TableWriter::create(&path, &spec, &OWN).unwrap();
+        first.raise(&transition(0, 1));
+        let mut words = common::words(&path);
+        drop(first);
+        damage(&mut words);
+        common::write(&path, &words);
+        let mut second = TableWriter::create(&path, &spec, &OWN).unwrap();
+        assert_eq!(second.raise(&transition(0, 2)).number, 1);
+        let table = TableReader::open(&path).unwrap();
+        assert_eq!(table.directory().alarm_origin, second.epoch());
+    }
+}
+
+#[test]
+fn an_active_alarm_of_a_diagnoser_that_is_gone_is_withdrawn_once() {
+    let directory = directory();
+    let path = directory.path().join("bounds");
+    let both = spec(vec![slot("a", 1), slot("b", 2), slot("c", 1)]);
+    let mut first = TableWriter::create(&path, &both, &OWN).unwrap();
+    first.raise(&transition(0, 1));
+    first.raise(&transition(1, 2));
+    first.raise(&AlarmTransition {
+        state: AlarmState::Cleared,
+        ..transition(2, 3)
+    });
+    std::mem::forget(first); // killed
+    for life in 2..5 {
+        let daemon = TableWriter::create(&path, &spec(vec![slot("b", 2)]), &OWN).unwrap();
+        let table = TableReader::open(&path).unwrap();
+        assert_eq!(table.newest_alarm(), 4);
+        let withdrawn = read(&table, 4);
+        let cleared = (AlarmState::Cleared, alarm_flags::WITHDRAWN);
+        assert_eq!((withdrawn.state, withdrawn.flags), cleared);
+        let alarm = (
+            withdrawn.slot,
+            withdrawn.identity,
+            withdrawn.occurrence,
+            withdrawn.step,
+        );
+        assert_eq!(alarm, (NONE, both.slots[0].identity(), 1, 1));
+        if life == 2 {
+            assert_eq!(withdrawn.number.epoch, daemon.epoch());
+        }
+        assert_eq!(table.read_alarm_status(0).unwrap().number, 2);
+    }
+}
+
+#[test]
+fn transitions_written_between_preparing_and_publishing_are_taken_over() {
+    for more in [0, 1, 5, 63, 64, 65, 200] {
+        let directory = directory();
+        let path = directory.path().join("bounds");
+        let mut spec = spec(vec![slot("a", 1), slot("b", 1)]);
+        let mut first = TableWriter::create(&path, &spec, &OWN).unwrap();
+        (1..=20).for_each(|step| _ = first.raise(&transition(1, step)));
+        spec.alarm_capacity = 128;
+        let prepared = PreparedTable::create(&path, &spec, &OWN).unwrap();
+        (21..21 + more).for_each(|step| _ = first.raise(&transition(0, step)));
+        let _second = prepared.publish().unwrap();
+        let table = TableReader::open(&path).unwrap();
+        let newest = 20 + more;
+        assert_eq!(table.newest_alarm(), newest);
+        for number in 1..=newest {
+            match table.read_alarm(number) {
+                AlarmRead::Transition(transition) => assert_eq!(transition.step, number),
+                // Overwritten in the old ring before they could be copied.
+                other => assert!(
+                    other == AlarmRead::Lost && number + 64 <= newest,
+                    "{number}: {other:?}"
+                ),
+            }
+        }
+        let status = |slot| table.read_alarm_status(slot).unwrap().number;
+        assert_eq!((status(0), status(1)), (if more == 0 { 0 } else { newest }, 20));
+    }
 }

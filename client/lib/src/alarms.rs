@@ -213,7 +213,12 @@ impl AlarmListener {
                 self.pending = Some(AlarmEvent::NewNumbering { previous, origin });
                 beginning
             }
-            (None, AlarmStart::Now) => seen(&table, table.newest_alarm()).unwrap_or(beginning),
+            (None, AlarmStart::Now) => {
+                let number = table.newest_alarm();
+                // Overtaken in the moment it was read, the newest one was of this life.
+                let epoch = table.directory().epoch;
+                seen(&table, number).unwrap_or(AlarmNumber { epoch, number })
+            }
             (None, AlarmStart::Oldest | AlarmStart::After(_)) => AlarmNumber {
                 number: oldest(&table).saturating_sub(1),
                 ..beginning

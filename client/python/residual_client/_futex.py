@@ -58,9 +58,12 @@ class Futex:
         self._system_call = ctypes.CDLL(None, use_errno=True).syscall
         self._system_call.restype = ctypes.c_long
 
+    def value(self) -> int:
+        """What the word holds now."""
+        return self._word[0]
+
     def wait(self, value: int, timeout_s: float) -> None:
-        """Sleeps while the word is ``value`` (its low 32 bits), at most ``timeout_s``. May return earlier."""
-        value &= 0xFFFF_FFFF
+        """Sleeps while the word is ``value``, at most ``timeout_s``. May return earlier."""
         if self._address is None:
             end = time.monotonic() + timeout_s
             while self._word[0] == value and (left := end - time.monotonic()) > 0:

@@ -300,7 +300,12 @@ class Table:
 
     def wait_for_alarm(self, seen: int, timeout_s: float) -> None:
         """Sleeps until there is a transition above ``seen``, at most ``timeout_s``; may return earlier."""
-        self._futex.wait(seen, timeout_s)
+        # Not the low half of `seen`: a daemon that was killed between the newest number and the futex has left that
+        # behind, and a sleep on a value that the futex does not hold is over at once.
+        value = self._futex.value()
+        _fence()
+        if self.newest_alarm() == seen:
+            self._futex.wait(value, timeout_s)
 
 
 def _record(words: List[int]) -> StepRecord:

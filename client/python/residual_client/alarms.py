@@ -51,7 +51,7 @@ class Transition:
     instant_ns: int
     step: int
     state: AlarmState
-    verdict: Verdict
+    verdict_number: int
     flags: int
     occurrence: int
     #: The diagnoser; None if the daemon's present configuration has none like it.
@@ -64,6 +64,11 @@ class Transition:
     ratio: float
     fault_estimate: float
     fault_estimate_half_width: float
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict; a number that none has reads as NOT_EVALUATED."""
+        return Verdict(self.verdict_number)
 
     @property
     def channel_name(self) -> Optional[str]:
@@ -215,7 +220,9 @@ class AlarmListener:
             self._pending = NewNumbering(known, table.alarm_origin)
             self._position = beginning
         elif self._start == "now":
-            self._position = _seen(table, table.newest_alarm()) or beginning
+            newest = table.newest_alarm()
+            # Overtaken in the moment it was read, the newest one was of this life.
+            self._position = _seen(table, newest) or AlarmNumber(table.epoch, newest)
         else:
             oldest = _oldest_possible(table)
             while table.read_alarm(oldest) == LOST:
@@ -253,7 +260,7 @@ def _named(words: AlarmWords, table: Table) -> Transition:
         instant_ns=words.instant_ns,
         step=words.step,
         state=AlarmState(words.state),
-        verdict=Verdict(words.verdict),
+        verdict_number=words.verdict,
         flags=words.flags,
         occurrence=words.occurrence,
         diagnoser=diagnosers[words.slot] if words.slot < len(diagnosers) else None,

@@ -221,14 +221,17 @@ fn the_alarm_of_a_diagnoser_that_is_gone_is_withdrawn_and_that_of_another_one_go
     assert!(is_active(&stage));
     let withdrawn = |stage: &Stage| {
         let table = stage.table();
-        (newest + 1..=table.newest_alarm()).find_map(|number| match table.read_alarm(number) {
+        let of = |number| match table.read_alarm(number) {
             AlarmRead::Transition(transition) => {
                 (transition.flags & alarm_flags::WITHDRAWN != 0).then_some(transition)
             }
             _ => None,
-        })
+        };
+        (newest + 1..=table.newest_alarm())
+            .filter_map(of)
+            .collect::<Vec<_>>()
     };
-    assert_eq!(withdrawn(&stage).map(|transition| transition.number), None);
+    assert_eq!(withdrawn(&stage).len(), 0);
 
     drop(sensor);
     wait_until("an alarm", || is_active(&stage));
@@ -236,7 +239,9 @@ fn the_alarm_of_a_diagnoser_that_is_gone_is_withdrawn_and_that_of_another_one_go
     remove(&mut stage, 0);
     stage.configuration_file();
     control.reload().unwrap();
-    let transition = withdrawn(&stage).expect("a withdrawal");
+    let withdrawn = withdrawn(&stage);
+    assert_eq!(withdrawn.len(), 1, "{withdrawn:?}");
+    let transition = withdrawn[0];
     assert_eq!(transition.state, AlarmState::Cleared);
     assert_eq!((transition.slot, transition.identity), (NONE, identity));
     assert_eq!(transition.number.epoch, stage.table().directory().epoch);

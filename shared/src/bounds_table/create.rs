@@ -12,11 +12,12 @@ use nix::errno::Errno;
 use nix::fcntl::posix_fallocate;
 
 use super::directory::{Image, encode};
+use super::inheritance::Inheritance;
 use super::layout::{STATE_RUNNING, WORD_BYTES, header};
 use super::mapping::WritableMapping;
 use super::old_table::OldTable;
 use super::protocol::WriteWord;
-use super::spec::{Directory, SpecError, TableSpec};
+use super::spec::{Directory, SlotSpec, SpecError, TableSpec};
 use super::writer::TableWriter;
 use crate::clock::{monotonic_ns, nanoseconds};
 use crate::counters::AlarmStatus;
@@ -92,16 +93,19 @@ impl Drop for Temporary {
 /// A complete table under a temporary name. Dropped without being published, it leaves nothing behind.
 pub struct PreparedTable {
     path: PathBuf,
-    spec: TableSpec,
+    /// Of each slot.
+    identities: Vec<u64>,
     epoch: u64,
     temporary: Temporary,
     mapping: WritableMapping,
     image: Image,
-    old: Option<OldTable>,
+    /// The table that is replaced, and what has been taken over from it so far.
+    old: Option<(OldTable, Inheritance)>,
 }
 
 impl PreparedTable {
-    /// Prepares the table for `path`. What lies there stays as it is.
+    /// Prepares the table for `path`, with the transitions of the alarm ring there. What lies there stays as it is,
+    /// and its daemon may write to it in the meantime, from another thread.
     ///
     /// # Errors
     /// See [`CreateError`].
@@ -133,9 +137,15 @@ impl PreparedTable {
             .open(&temporary.path)
             .map_err(failed("create", &temporary.path))?;
         let mapping = fill(&file, &image, access, path, &temporary.path)?;
+        let identities: Vec<u64> = spec.slots.iter().map(SlotSpec::identity).collect();
+        let mut old = old.map(|old| {
+            let inheritance = Inheritance::new(&old, &identities);
+            (old, inheritance)
+        });
+        take_over(&mut old, &image, &mapping).map_err(failed(READ_ALARMS, path))?;
         Ok(Self {
             path: path.into(),
-            spec: spec.clone(),
+            identities,
             epoch,
             temporary,
             mapping,
@@ -146,10 +156,10 @@ impl PreparedTable {
 
     /// For each diagnoser: where its alarm stands in the table that is replaced, if it is the same there.
     pub fn alarm_status(&self) -> Vec<Option<AlarmStatus>> {
-        match &self.old {
-            Some(old) => old.alarm_status(&self.spec),
-            None => vec![None; self.spec.slots.len()],
-        }
+        let mut all = vec![None; self.identities.len()];
+        let known = self.old.iter().flat_map(|(_, inheritance)| inheritance.status());
+        known.for_each(|(slot, status)| all[slot] = Some(status));
+        all
     }
 
     /// Shows where the alarm of the slot with the index `slot` stands, for clients to find it with the table; what
@@ -160,22 +170,31 @@ impl PreparedTable {
         }
     }
 
-    /// Makes it the table that clients find: takes over the transitions of the old one's alarm ring and the status
-    /// of its alarms, replaces it, and marks it closed.
+    /// Makes it the table that clients find: takes over the latest transitions of the old one's alarm ring and the
+    /// status of its alarms, withdraws the alarms of diagnosers that it does not have, replaces it, and marks it
+    /// closed.
+    ///
+    /// The old table's daemon must not write any more. Allocates nothing; a few system calls, whose number does not
+    /// depend on the size of the ring but on how many transitions have come since the preparation.
     ///
     /// # Errors
-    /// [`CreateError::Io`]. The older table then stays as it was, unless it was the marking that failed.
+    /// [`CreateError::Io`]. The older table then stays as it was.
     pub fn publish(mut self) -> Result<TableWriter, CreateError> {
+        take_over(&mut self.old, &self.image, &self.mapping).map_err(failed(READ_ALARMS, &self.path))?;
         let words = self.mapping.words();
-        if let Some(old) = &self.old {
-            let newest = old
-                .hand_over(&self.spec, &self.image.alarms.ring(words))
-                .map_err(failed("read the alarms of the bounds table at", &self.path))?;
+        if let Some((_, inheritance)) = &self.old {
+            let ring = self.image.alarms.ring(words);
+            inheritance.withdraw_gone(&ring, self.epoch);
             let futex = self.mapping.futex(self.image.alarms.wake());
-            futex.store(newest as u32, Ordering::Relaxed);
-            for (place, status) in self.image.slots.iter().zip(old.alarm_status(&self.spec)) {
-                if let Some(status) = status {
-                    store(&words[place.alarm..], &status);
+            futex.store(WriteWord::load_own(ring.newest) as u32, Ordering::Relaxed);
+            for (slot, status) in inheritance.status() {
+                let place = self
+                    .image
+                    .slots
+                    .get(slot)
+                    .map_or(words.len(), |place| place.alarm);
+                for (word, value) in words[place..].iter().zip(status.to_words()) {
+                    WriteWord::store(word, value);
                 }
             }
         }
@@ -184,11 +203,31 @@ impl PreparedTable {
             .map_err(failed("move the new bounds table to", &self.path))?;
         self.temporary.renamed = true;
         // Now, and not earlier: a reader that sees the old table closed finds the new one at once.
-        if let Some(old) = &self.old {
-            old.close()
-                .map_err(failed("mark as closed the table that was at", &self.path))?;
+        if let Some((old, _)) = &self.old {
+            // Clients find the new table by now, so there is no way back, and none is needed: a table without
+            // heartbeat counts as hung, and its readers look for a new one as they do when it is closed.
+            let _ = old.close();
         }
-        Ok(TableWriter::new(self.mapping, self.image, self.epoch, &self.spec))
+        Ok(TableWriter::new(
+            self.mapping,
+            self.image,
+            self.epoch,
+            self.identities,
+        ))
+    }
+}
+
+const READ_ALARMS: &str = "read the alarms of the bounds table at";
+
+/// Takes over the transitions that have come since the last time.
+fn take_over(
+    old: &mut Option<(OldTable, Inheritance)>,
+    image: &Image,
+    mapping: &WritableMapping,
+) -> io::Result<()> {
+    match old {
+        Some((old, inheritance)) => inheritance.catch_up(old, &image.alarms.ring(mapping.words())),
+        None => Ok(()),
     }
 }
 

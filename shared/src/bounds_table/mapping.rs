@@ -65,7 +65,7 @@ fn futex(mapping: &MmapRaw, index: usize) -> &AtomicU32 {
     );
     // SAFETY: the word lies within the mapping, is aligned, and lives as long as it. Its first four bytes are
     // accessed atomically and as four bytes only, here, in other processes and by the kernel. A reader's mapping is
-    // read-only, and readers only hand the address to the kernel.
+    // read-only, and readers only load it relaxed, which read-only memory permits, and hand the address to the kernel.
     unsafe {
         &*mapping
             .as_ptr()

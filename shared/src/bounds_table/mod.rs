@@ -44,9 +44,10 @@
 //! Transition n lies at the place (n − 1) mod `ALARM_CAPACITY` ([`ring`], words as in the module `alarm_words`). It has
 //! been written when `NEWEST` is n or more, read before an acquire fence. Read its first word, then an acquire
 //! fence; copy its words; then another acquire fence; read its first word again. The copy is transition n if the
-//! first word was n both times; otherwise it has been overwritten. To sleep until there is one above n:
-//! `FUTEX_WAIT` (not private) on the word `WAKE` with the low 32 bits of n, with a timeout of some 100 ms, after
-//! which to look at `STATE` and `HEARTBEAT`: a daemon that was killed wakes nobody.
+//! first word was n both times; otherwise it has been overwritten. To sleep until there is one above n: read the
+//! 32 bits of the word `WAKE`, then an acquire fence; if `NEWEST` is n, `FUTEX_WAIT` (not private) on `WAKE` with
+//! the value that was read (a daemon that was killed may have left another one there than the low half of n), with
+//! a timeout of some 100 ms, after which to look at `STATE` and `HEARTBEAT`: a daemon that was killed wakes nobody.
 //!
 //! # Notation
 //! | symbol | meaning |
@@ -63,6 +64,7 @@ mod decode;
 mod directory;
 pub mod encoding;
 mod futex;
+mod inheritance;
 pub mod layout;
 mod liveness;
 mod mapping;

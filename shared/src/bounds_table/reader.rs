@@ -1,6 +1,7 @@
 //! A client's side of a table.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{Ordering, fence};
 use std::time::Duration;
 
 use super::alarm_words::decode_alarm;
@@ -186,10 +187,18 @@ impl TableReader {
     }
 
     /// Sleeps until there is a transition newer than the number `seen`, the table is closed, or `timeout` is over;
-    /// may return earlier. A daemon that was killed wakes nobody: use a short timeout and look at
+    /// may return earlier, and does at once unless `seen` is the newest one. A daemon that was killed wakes nobody: use a short timeout and look at
     /// [`liveness`](Self::liveness).
     pub fn wait_for_alarm(&self, seen: u64, timeout: Duration) {
-        futex::wait(self.mapping.futex(self.image.alarms.wake()), seen as u32, timeout);
+        let futex = self.mapping.futex(self.image.alarms.wake());
+        // Not the low half of `seen`: a daemon that was killed between `newest` and the futex has left that behind,
+        // and a sleep on a value that the futex does not hold is over at once.
+        let value = futex.load(Ordering::Relaxed);
+        // The daemon stores `newest` before the futex: whoever has seen the new futex sees the new number below.
+        fence(Ordering::Acquire);
+        if self.newest_alarm() == seen {
+            futex::wait(futex, value, timeout);
+        }
     }
 
     /// Whether the daemon behind this table lives, at the moment `now_ns` of CLOCK_MONOTONIC.

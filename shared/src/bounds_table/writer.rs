@@ -11,7 +11,7 @@ use super::futex;
 use super::layout::{STATE_CLOSED, header};
 use super::mapping::WritableMapping;
 use super::protocol::WriteWord;
-use super::spec::{SlotSpec, TableSpec};
+use super::spec::TableSpec;
 use crate::alarm::{AlarmNumber, AlarmTransition};
 use crate::clock::monotonic_ns;
 use crate::counters::{AlarmStatus, InputCounters, ScheduleCounters};
@@ -45,12 +45,12 @@ impl TableWriter {
     }
 
     /// The writer of a table that clients find by now.
-    pub(super) fn new(mapping: WritableMapping, image: Image, epoch: u64, spec: &TableSpec) -> Self {
+    pub(super) fn new(mapping: WritableMapping, image: Image, epoch: u64, identities: Vec<u64>) -> Self {
         Self {
             mapping,
             image,
             epoch,
-            identities: spec.slots.iter().map(SlotSpec::identity).collect(),
+            identities,
         }
     }
 
@@ -59,12 +59,12 @@ impl TableWriter {
         self.epoch
     }
 
-    /// [`SlotSpec::identity`] of the slot with the index `slot`.
+    /// [`SlotSpec::identity`](super::SlotSpec::identity) of the slot with the index `slot`.
     pub fn identity(&self, slot: usize) -> Option<u64> {
         self.identities.get(slot).copied()
     }
 
-    /// The slot with this [`SlotSpec::identity`].
+    /// The slot with this [`SlotSpec::identity`](super::SlotSpec::identity).
     pub fn slot_with_identity(&self, identity: u64) -> Option<usize> {
         self.identities.iter().position(|other| *other == identity)
     }
@@ -75,32 +75,19 @@ impl TableWriter {
     /// `number` and `written_ns` of `transition` are replaced, and `identity` by that of its slot, if it has one.
     pub fn raise(&mut self, transition: &AlarmTransition) -> AlarmNumber {
         let slot = transition.slot as usize;
-        let words = self.mapping.words();
-        let number = self
-            .image
-            .alarms
-            .ring(words)
-            .append(&encode_alarm(&AlarmTransition {
-                number: AlarmNumber {
-                    epoch: self.epoch,
-                    number: 0,
-                },
-                identity: self.identity(slot).unwrap_or(transition.identity),
-                written_ns: monotonic_ns(),
-                ..*transition
-            }));
-        let futex = self.mapping.futex(self.image.alarms.wake());
-        futex.store(number as u32, Ordering::Release);
-        self.publish_alarm_status(
-            slot,
-            &AlarmStatus {
-                state: transition.state as u64,
-                flags: u64::from(transition.flags),
-                occurrences: transition.occurrence,
-                number,
-                instant_ns: transition.instant_ns,
+        let transition = AlarmTransition {
+            number: AlarmNumber {
+                epoch: self.epoch,
+                number: 0,
             },
-        );
+            identity: self.identity(slot).unwrap_or(transition.identity),
+            written_ns: monotonic_ns(),
+            ..*transition
+        };
+        let futex = self.mapping.futex(self.image.alarms.wake());
+        let number = write_transition(self.mapping.words(), &self.image, &transition, |value| {
+            futex.store(value, Ordering::Release);
+        });
         futex::wake_all(futex);
         AlarmNumber {
             epoch: self.epoch,
@@ -111,7 +98,7 @@ impl TableWriter {
     /// Shows where the alarm of the slot with the index `slot` stands.
     fn publish_alarm_status(&self, slot: usize, status: &AlarmStatus) {
         if let Some(place) = self.image.slots.get(slot) {
-            self.store(place.alarm, &status.to_words());
+            store(self.mapping.words(), place.alarm, &status.to_words());
         }
     }
 
@@ -138,7 +125,7 @@ impl TableWriter {
         let place = self.image.slots.get(slot);
         debug_assert!(place.is_some(), "no slot {slot}");
         if let Some(place) = place {
-            self.store(place.counters, &counters.to_words());
+            store(self.mapping.words(), place.counters, &counters.to_words());
         }
     }
 
@@ -148,7 +135,7 @@ impl TableWriter {
         let place = self.image.inputs.get(input);
         debug_assert!(place.is_some(), "no input {input}");
         if let Some(place) = place {
-            self.store(*place, &counters.to_words());
+            store(self.mapping.words(), *place, &counters.to_words());
         }
     }
 
@@ -157,11 +144,32 @@ impl TableWriter {
         WriteWord::store_release(&self.mapping.words()[header::STATE], STATE_CLOSED);
         futex::wake_all(self.mapping.futex(self.image.alarms.wake()));
     }
+}
 
-    fn store(&self, start: usize, values: &[u64]) {
-        for (word, value) in self.mapping.words()[start..].iter().zip(values) {
-            WriteWord::store(word, *value);
-        }
+/// Appends a transition to the ring, puts its number into the futex, and shows it in the status of its slot; gives
+/// the number.
+///
+/// The order matters to whoever finds the table of a daemon that was killed on the way: the ring is ahead of the
+/// futex and of the status, never behind.
+fn write_transition<W: WriteWord>(
+    words: &[W],
+    image: &Image,
+    transition: &AlarmTransition,
+    store_futex: impl FnOnce(u32),
+) -> u64 {
+    let number = image.alarms.ring(words).append(&encode_alarm(transition));
+    store_futex(number as u32);
+    if let Some(place) = image.slots.get(transition.slot as usize) {
+        let mut written = *transition;
+        written.number.number = number;
+        store(words, place.alarm, &AlarmStatus::after(&written).to_words());
+    }
+    number
+}
+
+fn store<W: WriteWord>(words: &[W], start: usize, values: &[u64]) {
+    for (word, value) in words[start..].iter().zip(values) {
+        word.store(*value);
     }
 }
 
@@ -170,3 +178,7 @@ impl Drop for TableWriter {
         self.close();
     }
 }
+
+#[cfg(test)]
+#[path = "killed_writer.rs"]
+mod killed_writer;

@@ -1,12 +1,14 @@
 //! Where a listener begins, what names its events carry, and what it says about other lives.
 
 use std::fs;
+use std::os::unix::fs::FileExt;
 use std::time::Duration;
 
 use residual_client::{
     Alarm, AlarmEvent, AlarmListener, AlarmNumber, AlarmStart, ChannelSpec, DaemonState, OpenError,
 };
 use residual_shared::bounds_table::TableWriter;
+use residual_shared::bounds_table::layout::{ALARM_WORDS, alarm_ring, header};
 
 use super::support::{daemon, instance, spec, transition};
 
@@ -192,4 +194,23 @@ fn positions_that_no_daemon_gave_are_of_another_numbering() {
         );
         assert_eq!(alarm(&mut listener).transition.step, 1);
     }
+}
+
+#[test]
+fn now_begins_behind_a_newest_transition_that_cannot_be_read() {
+    let (_directory, instance) = instance();
+    let mut daemon = daemon(&instance, &spec(&["a"], 16));
+    raise(&mut daemon, 1..=3);
+    // As if the third one was being overwritten.
+    let path = instance.bounds_path();
+    let file = fs::OpenOptions::new().read(true).write(true).open(path).unwrap();
+    let mut offset = [0; 8];
+    file.read_exact_at(&mut offset, 8 * header::ALARM_RING as u64)
+        .unwrap();
+    let third = u64::from_ne_bytes(offset) + 8 * (alarm_ring::ENTRIES + 2 * ALARM_WORDS) as u64;
+    file.write_all_at(&[0; 8], third).unwrap();
+    let mut listener = AlarmListener::open(&instance, AlarmStart::Now).unwrap();
+    assert_eq!(listener.try_next(), None);
+    raise(&mut daemon, 4..=4);
+    assert_eq!(alarm(&mut listener).transition.step, 4);
 }

@@ -37,7 +37,7 @@ def alarm(event: object) -> None:
         diagnoser = event.diagnoser.name if event.diagnoser else ""
         channel = 0xFFFF_FFFF if event.channel is None else event.channel
         print("transition", event.number, event.written_ns, event.instant_ns, event.step, int(event.state),
-              event.flags, int(event.verdict), channel, event.occurrence, event.certainly_faulty,
+              event.flags, event.verdict_number, channel, event.occurrence, event.certainly_faulty,
               event.possibly_faulty, bits(event.ratio), bits(event.fault_estimate),
               bits(event.fault_estimate_half_width), f"[{diagnoser}] [{event.channel_name or ''}]{faults}")
     elif isinstance(event, Gap):

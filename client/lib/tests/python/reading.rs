@@ -5,7 +5,7 @@ use std::process::Command;
 use super::scenes::{
     alarms_are_heard_over_gaps_and_restarts, every_number_is_accounted_for, records_are_read_in_every_bit,
 };
-use super::support::{daemon, instance, spec};
+use super::support::{daemon, instance, spec, transition};
 
 fn dump() -> Option<Command> {
     let mut python = super::python()?;
@@ -79,4 +79,37 @@ print(count)
             .unwrap()
             > 64
     );
+}
+
+#[test]
+fn python_sleeps_and_begins_now_on_what_a_killed_daemon_left() {
+    let Some(mut python) = super::python() else { return };
+    let (directory, instance) = instance();
+    let mut writer = daemon(&instance, &spec(&["a"], 16));
+    (1..=3).for_each(|step| _ = writer.raise(&transition(0, step)));
+    let script = "
+import sys, time
+from residual_client import AlarmListener
+from residual_client import _layout as L
+directory, = sys.argv[1:]
+with open(f'{directory}/residuald.test.bounds', 'r+b', buffering=0) as file:
+    file.seek(8 * L.HEADER_ALARM_RING)
+    ring = int.from_bytes(file.read(8), sys.byteorder)
+    file.seek(ring + 8 * L.ALARM_RING_WAKE)
+    file.write((2).to_bytes(4, sys.byteorder))
+    file.seek(ring + 8 * (L.ALARM_RING_ENTRIES + 2 * L.ALARM_WORDS))
+    file.write(bytes(8))
+listener = AlarmListener('test', directory)
+assert listener.position.number == 3, listener.position
+began = time.process_time()
+assert listener.wait(1.0) is None
+assert time.process_time() - began < 0.3, time.process_time() - began
+";
+    let output = python
+        .args(["-c", script])
+        .arg(directory.path())
+        .output()
+        .unwrap();
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{error}");
 }

@@ -8,7 +8,7 @@
 
 use std::sync::Arc;
 
-use residual_shared::alarm::{AlarmTransition, NONE};
+use residual_shared::alarm::AlarmTransition;
 use residual_shared::bounds_table::{CreateError, PreparedTable, TableWriter};
 use residual_shared::clock::monotonic_ns;
 use residual_shared::counters::{AlarmStatus, InputCounters, ScheduleCounters};
@@ -167,16 +167,18 @@ impl StepLoop<'_> {
 }
 
 impl Publication {
-    /// Clears the alarms of diagnosers that are gone or changed, which the old engine has kept.
+    /// Clears the alarms of diagnosers that have changed, which the old engine has kept. Those of diagnosers that the
+    /// new table does not have were withdrawn when it was published.
     fn withdraw_alarms(&mut self, old: &mut Engine, replaced: &TableWriter) {
         old.withdraw_alarms(|slot, transition| {
             let identity = replaced.identity(slot).unwrap_or_default();
-            let slot = self.table.slot_with_identity(identity);
-            self.table.raise(&AlarmTransition {
-                slot: slot.map_or(NONE, |slot| slot as u32),
-                identity,
-                ..transition
-            });
+            if let Some(slot) = self.table.slot_with_identity(identity) {
+                self.table.raise(&AlarmTransition {
+                    slot: slot as u32,
+                    identity,
+                    ..transition
+                });
+            }
         });
     }
 
