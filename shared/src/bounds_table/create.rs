@@ -193,9 +193,7 @@ impl PreparedTable {
                     .slots
                     .get(slot)
                     .map_or(words.len(), |place| place.alarm);
-                for (word, value) in words[place..].iter().zip(status.to_words()) {
-                    WriteWord::store(word, value);
-                }
+                store(&words[place..], &status);
             }
         }
         WriteWord::store(&words[header::HEARTBEAT], monotonic_ns());

@@ -95,13 +95,6 @@ impl TableWriter {
         }
     }
 
-    /// Shows where the alarm of the slot with the index `slot` stands.
-    fn publish_alarm_status(&self, slot: usize, status: &AlarmStatus) {
-        if let Some(place) = self.image.slots.get(slot) {
-            store(self.mapping.words(), place.alarm, &status.to_words());
-        }
-    }
-
     /// Makes `record` the newest one of the slot with the index `slot`.
     pub fn publish(&mut self, slot: usize, record: &StepRecord) {
         let place = self.image.slots.get(slot);
