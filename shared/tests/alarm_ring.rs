@@ -162,7 +162,7 @@ fn numbers_begin_anew_when_the_old_table_is_damaged() {
     let mut first = TableWriter::create(&path, &spec, &OWN).unwrap();
     first.raise(&transition(0, 1));
     let (first_epoch, mut words) = (first.epoch(), common::words(&path));
-    words[residual_shared::bounds_table::layout::header::SLOT_COUNT] += 1;
+    words[header::SLOT_COUNT] += 1;
     drop(first);
     common::write(&path, &words);
     let mut second = TableWriter::create(&path, &spec, &OWN).unwrap();
@@ -212,7 +212,7 @@ fn numbers_begin_anew_when_the_old_table_is_cut_off_or_its_newest_number_is_absu
         let ring = words[header::ALARM_RING] as usize / 8;
         words[ring + alarm_ring::NEWEST] = u64::MAX;
     };
-    let damages: [&dyn Fn(&mut Vec<u64>); 2] = [&cut, &absurd];
+    let damages: [fn(&mut Vec<u64>); 2] = [cut, absurd];
     for damage in damages {
         let directory = directory();
         let path = directory.path().join("bounds");
