@@ -16,6 +16,10 @@ pub const DEFAULT_RUNTIME_DIRECTORY: &str = "/dev/shm";
 /// Longest instance name. iceoryx2 puts socket paths below its root directory, and those end at 108 bytes.
 pub const MAX_INSTANCE_NAME: usize = 24;
 
+/// Longest root directory and prefix together: iceoryx2 puts 36 bytes more into the path of a socket, which ends
+/// at 107.
+const MAX_SOCKET_PLACE: usize = 71;
+
 /// The name of one running daemon: 1 to 24 of `a–z 0–9 _ -`.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct InstanceName(String);
@@ -93,9 +97,15 @@ impl Instance {
     }
 
     /// Prefix of the instance's iceoryx2 files and shared memory. The dots, which no instance name holds, keep
-    /// the prefix of one instance from being the beginning of another's.
+    /// the prefix of one instance from being the beginning of another's. It is short because root directory and
+    /// prefix both stand in the paths of sockets.
     pub fn iceoryx_prefix(&self) -> String {
-        format!("residuald-iox.{}.", self.name)
+        format!("rsd.{}.", self.name)
+    }
+
+    /// Whether the sockets of iceoryx2's event listeners have paths short enough for the system.
+    pub fn has_room_for_sockets(&self) -> bool {
+        self.iceoryx_root().as_os_str().len() + self.iceoryx_prefix().len() <= MAX_SOCKET_PLACE
     }
 
     /// iceoryx2 service on which the samples of one input travel; the last part is the payload's version.
@@ -135,6 +145,14 @@ mod tests {
             assert!(bad.parse::<InstanceName>().is_err(), "{bad}");
         }
         assert!("vehicle-1_a".parse::<InstanceName>().is_ok());
+    }
+
+    #[test]
+    fn names_of_up_to_21_characters_leave_room_for_sockets_in_the_default_directory() {
+        let of =
+            |length: usize| Instance::new("x".repeat(length).parse().unwrap(), DEFAULT_RUNTIME_DIRECTORY);
+        assert!(of(21).has_room_for_sockets());
+        assert!(!of(22).has_room_for_sockets());
     }
 
     #[test]

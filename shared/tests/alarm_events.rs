@@ -56,7 +56,7 @@ fn taken(events: &AlarmEvents) -> Vec<(AlarmState, u64)> {
 
 #[test]
 fn events_come_with_state_and_count_and_a_listener_that_takes_none_holds_up_nobody() {
-    let place = Place::new("events");
+    let place = Place::new("e");
     let node = transport::open_node(&place.instance).unwrap();
     assert!(matches!(
         AlarmEvents::open(&node, &place.instance),
@@ -96,7 +96,7 @@ fn listener_process() {
 
 #[test]
 fn more_killed_listeners_than_there_is_room_for_hold_up_neither_the_daemon_nor_the_next_listener() {
-    let place = Place::new("killed");
+    let place = Place::new("k");
     let node = transport::open_node(&place.instance).unwrap();
     let notifier = AlarmNotifier::create(&node, &place.instance).unwrap();
     let survivor = AlarmEvents::open(&node, &place.instance).unwrap();
@@ -122,4 +122,17 @@ fn more_killed_listeners_than_there_is_room_for_hold_up_neither_the_daemon_nor_t
         // The daemon does it every few seconds.
         node.try_cleanup_dead_nodes();
     }
+}
+
+#[test]
+fn a_place_without_room_for_sockets_is_told_to_the_listener() {
+    let place = Place::new("much_too_long_nam");
+    assert!(!place.instance.has_room_for_sockets());
+    let node = transport::open_node(&place.instance).unwrap();
+    let _notifier = AlarmNotifier::create(&node, &place.instance).unwrap();
+    let refused = AlarmEvents::open(&node, &place.instance)
+        .err()
+        .unwrap()
+        .to_string();
+    assert!(refused.contains("shorter instance name"), "{refused}");
 }

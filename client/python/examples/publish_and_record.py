@@ -74,7 +74,7 @@ def open_node(instance: str) -> iox2.Node:
     directory = os.environ.get("RESIDUALD_RUNTIME_DIRECTORY", "/dev/shm")
     config = iox2.config.default()
     config.global_cfg.root_path = iox2.Path.new(f"{directory}/residuald.{instance}.iox2")
-    config.global_cfg.prefix = iox2.FileName.new(f"residuald-iox.{instance}.")
+    config.global_cfg.prefix = iox2.FileName.new(f"rsd.{instance}.")
     builder = iox2.NodeBuilder.new().config(config).signal_handling_mode(iox2.SignalHandlingMode.Disabled)
     return builder.create(iox2.ServiceType.Ipc)
 

@@ -27,7 +27,7 @@ fn show(arguments: &[&str], limit: Duration) -> String {
     let messages = String::from_utf8_lossy(&finished.stderr);
     assert_eq!(finished.status.code(), Some(0), "{output}\n{messages}");
     assert!(taken < limit, "{taken:?}");
-    for prefix in ["residuald.", "residuald-iox."] {
+    for prefix in ["residuald.", "rsd."] {
         for name in ["demo", "demo-all"] {
             let left = files_with_prefix(&format!("{prefix}{name}-{pid}."));
             assert!(left.is_empty(), "{left:?}");

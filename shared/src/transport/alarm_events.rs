@@ -15,7 +15,7 @@
 
 use std::time::Duration;
 
-use iceoryx2::port::listener::Listener;
+use iceoryx2::port::listener::{Listener, ListenerCreateError};
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::prelude::{EventId, ipc};
 use iceoryx2::service::builder::event::EventOpenError;
@@ -110,10 +110,14 @@ impl AlarmEvents {
                 },
                 other => refused(&name, other),
             })?;
-        let listener = service
-            .listener_builder()
-            .create()
-            .map_err(|error| refused(&name, error))?;
+        let listener = service.listener_builder().create().map_err(|error| match error {
+            ListenerCreateError::ResourceCreationFailed if !instance.has_room_for_sockets() => {
+                TransportError::Path {
+                    path: instance.iceoryx_root(),
+                }
+            }
+            other => refused(&name, other),
+        })?;
         Ok(Self {
             listener,
             service: name,

@@ -48,7 +48,8 @@ const MAX_NODES: usize = 40;
 pub enum TransportError {
     /// The path does not fit iceoryx2's limits.
     #[error(
-        "iceoryx2 cannot use the directory `{path}`: choose a short runtime directory (below 40 characters)"
+        "iceoryx2 cannot use the directory `{path}`: its sockets would have too long paths; choose a shorter \
+         instance name or runtime directory"
     )]
     Path {
         /// The refused path.

@@ -7,6 +7,13 @@ impl Configuration {
     /// What in this configuration is allowed, but probably not meant.
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = self.unused_signals();
+        if !self.daemon.instance().has_room_for_sockets() {
+            warnings.push(
+                "instance name and runtime directory are too long for the sockets of iceoryx2's event listeners: \
+                 consumers of the alarm event service cannot attach; shorten one of them"
+                    .into(),
+            );
+        }
         for diagnoser in &self.diagnosers {
             if diagnoser.margin_ns > diagnoser.period_ns {
                 warnings.push(format!(

@@ -3,8 +3,7 @@
 //! All that takes long has been done before, by [`reload`](super::reload): the new engine and the new bounds table
 //! are complete. What is left is to create the subscribers of new inputs, to take over and to publish the table.
 //! The old parts go back in the same box, to be dropped elsewhere. A reload without new or removed inputs allocates
-//! nothing here but for reading the old table's alarms; subscribers, which belong to this thread, cost some
-//! milliseconds each.
+//! nothing here; subscribers, which belong to this thread, cost some milliseconds each.
 
 use std::sync::Arc;
 
