@@ -111,7 +111,7 @@ class Records:
         """Prints what has come since the last time."""
         while (sample := self._subscriber.receive()) is not None:
             header, record = sample.user_header().contents, sample.payload().contents
-            publisher = sample.header().publisher_id.value
+            publisher = sample.header.publisher_id.value
             if self._publisher not in (None, publisher):
                 self._next_sequence = 0  # a later life of the daemon, heard from its first record on
             if self._next_sequence is not None:
