@@ -2,10 +2,13 @@
 #![cfg(feature = "transport")]
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod common;
+
 use std::io::{BufRead as _, BufReader};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use common::place::Place;
 use residual_shared::alarm::AlarmState;
 use residual_shared::names::Instance;
 use residual_shared::transport::{self, AlarmEvents, AlarmNotifier, TransportError};
@@ -19,31 +22,6 @@ const STATES: [AlarmState; 4] = [
 
 const NAME: &str = "RESIDUAL_TEST_INSTANCE";
 const DIRECTORY: &str = "RESIDUAL_TEST_DIRECTORY";
-
-struct Place {
-    instance: Instance,
-    _directory: tempfile::TempDir,
-}
-
-impl Place {
-    fn new(name: &str) -> Self {
-        let directory = tempfile::Builder::new()
-            .prefix("rsa")
-            .tempdir_in("/dev/shm")
-            .unwrap();
-        let name = format!("{name}-{}", std::process::id());
-        Self {
-            instance: Instance::new(name.parse().unwrap(), directory.path()),
-            _directory: directory,
-        }
-    }
-}
-
-impl Drop for Place {
-    fn drop(&mut self) {
-        transport::remove_leftovers(&self.instance).unwrap();
-    }
-}
 
 /// All waiting events.
 fn taken(events: &AlarmEvents) -> Vec<(AlarmState, u64)> {

@@ -2,11 +2,14 @@
 #![cfg(feature = "transport")]
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod common;
+
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use common::place::Place;
 use proptest::prelude::*;
 use residual_shared::control::{
     Alarms, ControlCounters, ControlError, DecodeError, EncodeError, MAX_ANSWER_BYTES, MAX_REQUEST_BYTES,
@@ -112,32 +115,6 @@ fn another_version_is_told_from_garbage() {
         decode_request(&[1, 2]),
         Err(DecodeError::TooShort { bytes: 2 })
     ));
-}
-
-/// An instance of its own on tmpfs, removed at the end.
-struct Place {
-    instance: Instance,
-    _directory: tempfile::TempDir,
-}
-
-impl Place {
-    fn new(name: &str) -> Self {
-        let directory = tempfile::Builder::new()
-            .prefix("rsc")
-            .tempdir_in("/dev/shm")
-            .unwrap();
-        let name = format!("{name}-{}", std::process::id());
-        Self {
-            instance: Instance::new(name.parse().unwrap(), directory.path()),
-            _directory: directory,
-        }
-    }
-}
-
-impl Drop for Place {
-    fn drop(&mut self) {
-        transport::remove_leftovers(&self.instance).unwrap();
-    }
 }
 
 /// A server on a thread of its own that answers every request with one that tells which it was.

@@ -2,40 +2,18 @@
 #![cfg(feature = "transport")]
 #![allow(clippy::unwrap_used)]
 
-use residual_shared::names::Instance;
+mod common;
+
+use common::place::Place;
 use residual_shared::record::StepRecord;
 use residual_shared::sample::SampleHeader;
 use residual_shared::transport::{
     self, RecordPublisher, RecordSubscriber, SamplePublisher, SampleSubscriber, TransportError,
 };
 
-/// An instance of its own on tmpfs, removed at the end.
-struct Place {
-    instance: Instance,
-    _directory: tempfile::TempDir,
-}
-
-impl Drop for Place {
-    fn drop(&mut self) {
-        transport::remove_leftovers(&self.instance).unwrap();
-    }
-}
-
-fn place(name: &str) -> Place {
-    let directory = tempfile::Builder::new()
-        .prefix("rsd")
-        .tempdir_in("/dev/shm")
-        .unwrap();
-    let name = format!("{name}-{}", std::process::id());
-    Place {
-        instance: Instance::new(name.parse().unwrap(), directory.path()),
-        _directory: directory,
-    }
-}
-
 #[test]
 fn samples_arrive_with_their_header_in_order_and_of_any_length() {
-    let place = place("samples");
+    let place = Place::new("samples");
     let node = transport::open_node(&place.instance).unwrap();
     let subscriber = SampleSubscriber::create(&node, &place.instance, "imu", 8, 2).unwrap();
     let other = transport::open_node(&place.instance).unwrap();
@@ -68,7 +46,7 @@ fn samples_arrive_with_their_header_in_order_and_of_any_length() {
 
 #[test]
 fn a_slow_receiver_loses_the_oldest_and_the_sender_never_waits() {
-    let place = place("overflow");
+    let place = Place::new("overflow");
     let node = transport::open_node(&place.instance).unwrap();
     let subscriber = SampleSubscriber::create(&node, &place.instance, "imu", 4, 1).unwrap();
     let mut publisher = SamplePublisher::open(&node, &place.instance, "imu").unwrap();
@@ -82,7 +60,7 @@ fn a_slow_receiver_loses_the_oldest_and_the_sender_never_waits() {
 
 #[test]
 fn a_publisher_without_daemon_is_told_to_start_one() {
-    let place = place("lonely");
+    let place = Place::new("lonely");
     let node = transport::open_node(&place.instance).unwrap();
     let error = SamplePublisher::open(&node, &place.instance, "imu")
         .err()
@@ -93,7 +71,7 @@ fn a_publisher_without_daemon_is_told_to_start_one() {
 
 #[test]
 fn records_reach_a_recorder_whole() {
-    let place = place("records");
+    let place = Place::new("records");
     let node = transport::open_node(&place.instance).unwrap();
     let mut publisher = RecordPublisher::create(&node, &place.instance).unwrap();
     let recorder = RecordSubscriber::open(&node, &place.instance).unwrap();
@@ -113,7 +91,7 @@ fn records_reach_a_recorder_whole() {
 #[test]
 fn management_memory_is_closed_to_strangers_and_leftovers_can_be_removed() {
     use std::os::unix::fs::PermissionsExt;
-    let place = place("modes");
+    let place = Place::new("modes");
     let prefix = place.instance.iceoryx_prefix();
     let files = || -> Vec<_> {
         let entries = std::fs::read_dir("/dev/shm").unwrap().flatten();

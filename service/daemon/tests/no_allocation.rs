@@ -1,14 +1,14 @@
 //! The loop of the step thread allocates nothing once its publishers are connected, whatever they send.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod counting_allocator;
 mod support;
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use counting_allocator::allocations;
 use residual_shared::alarm::{AlarmState, AlarmTransition};
 use residual_shared::bounds_table::AlarmRead;
 use residual_shared::clock::{DaemonTime, sleep_until_monotonic};
@@ -31,47 +31,6 @@ use residuald::runtime::snapshot::{Progress, Snapshot};
 use support::publisher::Drivers;
 use support::{PERIOD_NS, Stage};
 use toml::Table;
-
-thread_local! {
-    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-/// The system's allocator; counts what each thread asks for.
-struct CountingAllocator;
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
-
-// Counting allocations needs an allocator of our own, and those are unsafe to implement.
-#[allow(unsafe_code)]
-// SAFETY: every request is passed on unchanged to the system's allocator, which keeps the contract; counting
-// touches a thread-local integer only, which needs neither allocation nor destructor.
-unsafe impl GlobalAlloc for CountingAllocator {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.with(|count| count.set(count.get() + 1));
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        ALLOCATIONS.with(|count| count.set(count.get() + 1));
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        ALLOCATIONS.with(|count| count.set(count.get() + 1));
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
-/// Allocations and releases of this thread during `action`.
-fn allocations(action: impl FnOnce()) -> u64 {
-    let before = ALLOCATIONS.get();
-    action();
-    ALLOCATIONS.get() - before
-}
 
 /// Turns of the loop.
 const TURNS: u64 = 2_400;
@@ -209,7 +168,7 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_resets_and_comman
         if k % SAVE_EVERY == SAVE_EVERY - 1 {
             commands.send(ticket, Command::Save(snapshot.take().unwrap()));
         }
-        let of_this_turn = allocations(|| steps.turn());
+        let (of_this_turn, ()) = allocations(|| steps.turn());
         if k >= WARM_UP {
             counted += of_this_turn;
         }
@@ -346,7 +305,8 @@ fn all_methods_together_step_through_losses_bad_samples_and_faults_without_alloc
             if let Some(elements) = &elements {
                 engine.accept(input, 1, header, elements, now_ns);
             }
-        });
+        })
+        .0;
     }
     println!("{} samples, alarms {:?}", emissions.len(), alarms.0);
     assert_eq!(counted, 0);
@@ -361,9 +321,4 @@ fn all_methods_together_step_through_losses_bad_samples_and_faults_without_alloc
         .map(|counters| counters.non_finite + counters.backward)
         .sum();
     assert!(rejected > 100, "{rejected}");
-}
-
-#[test]
-fn the_counter_counts() {
-    assert_eq!(allocations(|| drop(std::hint::black_box(vec![1_u8; 100]))), 2);
 }

@@ -1,6 +1,8 @@
 //! Specifications and files that several tests use.
 #![allow(dead_code)] // Every test file compiles this module for itself and uses a part of it.
 
+pub mod place;
+
 use std::fs;
 use std::path::Path;
 

@@ -125,7 +125,10 @@ pub enum ReplayError {
     #[error(transparent)]
     Write(#[from] WriteError),
     /// The recorder missed records.
-    #[error("{0} records were lost on the way from the daemon; the written records are incomplete")]
+    #[error(
+        "{0} records were lost on the way from the daemon, or came after it had read its configuration again; the \
+         written records are incomplete"
+    )]
     Lost(u64),
 }
 

@@ -121,6 +121,8 @@ pub fn replay(
 
 /// Picks the records and alarms of the replay out of the daemon's and counts lost ones.
 struct RecordWindow {
+    /// The life of the table that the replay began with: records of another one have other slots.
+    epoch: u64,
     start_ns: u64,
     end_ns: u64,
     /// Number of each diagnoser's sampling instant at the start.
@@ -136,6 +138,7 @@ impl RecordWindow {
         let epoch_ns = directory.spec.schedule_epoch_ns;
         let first_step = |period_ns: u64| (start_ns - epoch_ns) / period_ns;
         Self {
+            epoch: directory.epoch,
             start_ns,
             end_ns,
             first_steps: directory
@@ -188,6 +191,10 @@ impl RecordWindow {
             .replace(header.sequence + 1)
             .unwrap_or(header.sequence);
         self.lost += header.sequence.saturating_sub(expected);
+        if header.epoch != self.epoch {
+            self.lost += 1;
+            return;
+        }
         let slot = header.slot as usize;
         let since_start_ns = record.instant_ns.checked_sub(self.start_ns);
         if let (Some(instant_ns), Some(first)) = (since_start_ns, self.first_steps.get(slot))

@@ -5,7 +5,7 @@ use residual_shared::alarm::{AlarmState, alarm_flags};
 use residuald::identities::Identities;
 use residuald::runtime::engine::Engine;
 
-use crate::allocation::allocations;
+use crate::counting_allocator::allocations;
 use crate::fixture::{Records, Said, Setup, assert_same, samples};
 
 /// At which sample the configuration is exchanged, and what the new one is like.

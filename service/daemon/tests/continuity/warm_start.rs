@@ -5,7 +5,7 @@ use residuald::runtime::engine::Engine;
 use residuald::runtime::snapshot::{Progress, Snapshot, parts};
 use residuald::runtime::warm_start::{LONGEST_GAP_NS, NoWarmStart};
 
-use crate::allocation::allocations;
+use crate::counting_allocator::allocations;
 use crate::fixture::{EPOCH_NS, SECOND_NS, Setup, assert_same, samples, step_before};
 
 /// A whole snapshot, written in one go.

@@ -16,8 +16,10 @@ fn count() {
     ALLOCATIONS.with(|count| count.set(count.get() + 1));
 }
 
-// Counting allocations needs an allocator of our own, and those are unsafe to implement.
-#[allow(unsafe_code)]
+#[allow(
+    unsafe_code,
+    reason = "counting allocations needs an allocator of our own, and those are unsafe to implement"
+)]
 // SAFETY: every request is passed on unchanged to the system's allocator, which keeps the contract; counting
 // touches a thread-local integer only, which needs neither allocation nor destructor.
 unsafe impl GlobalAlloc for CountingAllocator {
