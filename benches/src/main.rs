@@ -1,5 +1,7 @@
 //! `residual-bench`: measures residuald as its users meet it, in processes, with percentiles and peers in the same run.
 
+use std::collections::VecDeque;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command as Program, ExitCode, Stdio};
 
@@ -48,6 +50,9 @@ struct ReportOptions {
 
 /// The subcommands of a report, in its order.
 const MEASUREMENTS: [&str; 0] = [];
+
+/// Lines of a failed measurement that the report shows.
+const SHOWN_LINES: usize = 20;
 
 fn main() -> ExitCode {
     match run(&Arguments::parse()) {
@@ -98,6 +103,7 @@ fn write_report(options: &ReportOptions, common: &Common) -> Result<()> {
     Ok(())
 }
 
+/// Runs one measurement; what it says on its standard error is shown, and its end is part of the error if it fails.
 fn measure(name: &str, common: &Common) -> Result<()> {
     eprintln!("== {name}");
     forget(&common.results, name);
@@ -106,8 +112,19 @@ fn measure(name: &str, common: &Common) -> Result<()> {
     if common.quick {
         program.arg("--quick");
     }
-    let status = program.stdout(Stdio::null()).status()?;
-    anyhow::ensure!(status.success(), "it ended with {status}");
+    let mut running = program.stdout(Stdio::null()).stderr(Stdio::piped()).spawn()?;
+    let mut last_lines = VecDeque::new();
+    for line in BufReader::new(running.stderr.take().context("no standard error")?).lines() {
+        let line = line?;
+        eprintln!("{line}");
+        last_lines.push_back(line);
+        if last_lines.len() > SHOWN_LINES {
+            last_lines.pop_front();
+        }
+    }
+    let status = running.wait()?;
+    let last_lines = Vec::from(last_lines).join("\n");
+    anyhow::ensure!(status.success(), "it ended with {status}\n{last_lines}");
     Ok(())
 }
 

@@ -114,3 +114,45 @@ pub fn table(text: &mut String, table: &Table) {
 fn cell(text: &str) -> String {
     text.replace('|', "\\|").replace('\n', " ")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn results() -> Results {
+        let mut results = Results::begin("steps", "Steps", "One step at a time.", true);
+        results.findings = vec![
+            Finding::at_most("a step", 1.5, 1.0, "µs"),
+            Finding::at_least("peer / ours", 120.0, 100.0, ""),
+            Finding::not_measured("counts", "≤ 1", "no valgrind | here"),
+        ];
+        let mut times = Table::new("Times", &["what", "p50"]);
+        times.row(["filter", "1.5 µs"]);
+        results.tables.push(times);
+        results.skip("Eigen", "install libeigen3-dev");
+        results
+    }
+
+    #[test]
+    fn a_missed_aim_is_shown_as_missed() {
+        let text = text(&[results()], &[]);
+        for line in [
+            "| a step | ≤ 1 µs | 1.5 µs | **missed** |",
+            "| peer / ours | ≥ 100 | 120 | met |",
+            "| counts | ≤ 1 | no valgrind \\| here | not measured |",
+            "| filter | 1.5 µs |",
+            "Not measured: Eigen: install libeigen3-dev",
+        ] {
+            assert!(text.contains(line), "{line}\n{text}");
+        }
+    }
+
+    #[test]
+    fn a_measurement_that_failed_is_shown_with_what_it_said() {
+        let text = text(&[], &[("read".into(), "it ended with exit status: 1".into())]);
+        assert!(
+            text.contains("## read failed") && text.contains("exit status: 1"),
+            "{text}"
+        );
+    }
+}
