@@ -77,3 +77,74 @@ fn no_support_shrinks_and_the_interval_hull_stays() {
         }
     }
 }
+
+/// The reduction as it is written in the method: columns sorted by score, ties by the lower index.
+fn plainly_reduced(full: &Matrix, kind: Reduction, order: usize) -> Vec<Vec<f64>> {
+    let (n, count) = full.shape();
+    let scale: Vec<f64> = (0..n)
+        .map(|i| match (kind, absolute_sum(full.row(i))) {
+            (Reduction::GirardScaled, radius) if radius > 0.0 => 1.0 / radius,
+            _ => 0.0,
+        })
+        .collect();
+    let score = |c: usize| {
+        let (mut sum, mut largest) = (0.0, 0.0);
+        for (i, scale) in scale.iter().enumerate() {
+            match kind {
+                Reduction::Euclidean => sum += full[(i, c)] * full[(i, c)],
+                Reduction::GirardScaled => {
+                    let size = full[(i, c)].abs() * scale;
+                    sum += size;
+                    largest = if size > largest { size } else { largest };
+                }
+            }
+        }
+        sum - largest
+    };
+    let mut ranking: Vec<usize> = (0..count).collect();
+    ranking.sort_by(|a, b| score(*b).total_cmp(&score(*a)).then(a.cmp(b)));
+    let (kept, boxed) = ranking.split_at_mut(order - n);
+    kept.sort_unstable();
+    boxed.sort_unstable();
+    (0..n)
+        .map(|i| {
+            let mut row: Vec<f64> = kept.iter().map(|&c| full[(i, c)]).collect();
+            row.resize(order, 0.0);
+            row[order - n + i] = boxed.iter().map(|&c| full[(i, c)].abs()).sum();
+            row
+        })
+        .collect()
+}
+
+#[test]
+fn a_reduction_has_the_bits_of_the_sorted_one() {
+    for n in 1..7 {
+        for count in n + 1..70 {
+            let mut full = Matrix::zeros(n, count);
+            for i in 0..n {
+                for c in 0..count {
+                    // Repeated columns and columns along an axis have equal scores.
+                    let place = if c % 5 == 4 { c - 4 } else { c };
+                    let along_axis = c % 7 == 3 && i != c % n;
+                    full[(i, c)] = match (along_axis, (i * 31 + place) % 29) {
+                        (true, _) | (_, 11) => 0.0,
+                        _ => ((count * 97 + i * 31 + place * 7) as f64).sin(),
+                    };
+                }
+            }
+            for kind in [Reduction::GirardScaled, Reduction::Euclidean] {
+                let order = n.max(count * (1 + count % 4) / 5);
+                let mut reduced = full.clone();
+                Reducer::new(kind, n, count).reduce(&mut reduced, order);
+                for (i, expected) in plainly_reduced(&full, kind, order).iter().enumerate() {
+                    let bits = |row: &[f64]| row.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+                    assert_eq!(
+                        bits(reduced.row(i)),
+                        bits(expected),
+                        "{kind:?} {n} x {count} to {order}"
+                    );
+                }
+            }
+        }
+    }
+}

@@ -1,13 +1,17 @@
 //! The few products and sums that the online step needs.
 
 use super::Matrix;
-
-/// Independent partial sums of [`sum_of`]: two vector registers of four numbers.
-const LANES: usize = 8;
+use super::blocks::{dot_of, joined};
+use super::vectors::{LANES, Work, vectorised};
+use pulp::Simd;
 
 /// Sum of `term(x_i, y_i)` in a fixed order with independent partial sums.
-#[inline]
+#[inline(always)]
 fn sum_of(x: &[f64], y: &[f64], term: impl Fn(f64, f64) -> f64) -> f64 {
+    if x.len() < LANES {
+        // All partial sums are zero.
+        return 0.0 + x.iter().zip(y).map(|(a, b)| term(*a, *b)).sum::<f64>();
+    }
     let mut partial = [0.0; LANES];
     let (x_blocks, y_blocks) = (x.chunks_exact(LANES), y.chunks_exact(LANES));
     let tail: f64 = x_blocks
@@ -21,8 +25,7 @@ fn sum_of(x: &[f64], y: &[f64], term: impl Fn(f64, f64) -> f64) -> f64 {
             partial[lane] += term(a[lane], b[lane]);
         }
     }
-    let [a, b, c, d, e, f, g, h] = partial;
-    ((a + e) + (b + f)) + ((c + g) + (d + h)) + tail
+    joined(partial) + tail
 }
 
 /// Inner product of two slices of one length.
@@ -98,20 +101,53 @@ pub fn combination(out: &mut [f64], coefficients: &[f64], source: &Matrix) {
     }
 }
 
-/// `out` = `left` `right`; `out` takes the shape of the product.
-pub fn multiply(left: &Matrix, right: &Matrix, out: &mut Matrix) {
-    out.reshape(left.rows(), right.columns());
-    for i in 0..left.rows() {
-        combination(out.row_mut(i), left.row(i), right);
-    }
-}
-
 /// `out` = `left` `right`'; `out` takes the shape of the product.
 pub fn multiply_transposed(left: &Matrix, right: &Matrix, out: &mut Matrix) {
     out.reshape(left.rows(), right.rows());
-    for i in 0..left.rows() {
-        for j in 0..right.rows() {
-            out[(i, j)] = dot(left.row(i), right.row(j));
+    vectorised(InnerProducts { left, right, out });
+}
+
+/// The lower triangle of `out` = `matrix` `matrix`'; what lies above is left.
+pub fn lower_gram(matrix: &Matrix, out: &mut Matrix) {
+    out.reshape(matrix.rows(), matrix.rows());
+    vectorised(Gram { matrix, out });
+}
+
+struct InnerProducts<'a> {
+    left: &'a Matrix,
+    right: &'a Matrix,
+    out: &'a mut Matrix,
+}
+
+impl Work for InnerProducts<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        for i in 0..self.left.rows() {
+            let row = self.left.row(i);
+            for (j, value) in self.out.row_mut(i).iter_mut().enumerate() {
+                *value = dot_of(simd, row, self.right.row(j));
+            }
+        }
+    }
+}
+
+struct Gram<'a> {
+    matrix: &'a Matrix,
+    out: &'a mut Matrix,
+}
+
+impl Work for Gram<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        for i in 0..self.matrix.rows() {
+            let row = self.matrix.row(i);
+            for (j, value) in self.out.row_mut(i)[..=i].iter_mut().enumerate() {
+                *value = dot_of(simd, row, self.matrix.row(j));
+            }
         }
     }
 }
@@ -124,13 +160,6 @@ pub fn apply(matrix: &Matrix, x: &[f64], out: &mut [f64]) {
     }
 }
 
-/// `out` = row sums of |`matrix`|, the radius R of a generator matrix.
-pub fn row_sums(matrix: &Matrix, out: &mut [f64]) {
-    for (target, row) in out.iter_mut().zip(matrix.iter_rows()) {
-        *target = absolute_sum(row);
-    }
-}
-
 /// Whether every element is finite.
 pub fn all_finite(values: &[f64]) -> bool {
     values.iter().all(|value| value.is_finite())
@@ -139,6 +168,7 @@ pub fn all_finite(values: &[f64]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::matrix::multiply;
 
     fn example(rows: usize, columns: usize, seed: f64) -> Matrix {
         let mut out = Matrix::zeros(rows, columns);

@@ -4,14 +4,18 @@
 //! buffers of the caller and run over whole rows, so that the compiler can vectorise them; their order of
 //! summation is fixed, so that equal inputs give equal bits.
 
+pub(crate) mod blocks;
 mod kernels;
+mod products;
 mod stored;
 mod triangular;
+pub(crate) mod vectors;
 
 pub use kernels::{
-    absolute_dot, absolute_sum, add_combination, add_scaled, all_finite, apply, combination, dot, multiply,
-    multiply_transposed, row_sums,
+    absolute_dot, absolute_sum, add_combination, add_scaled, all_finite, apply, combination, dot, lower_gram,
+    multiply_transposed,
 };
+pub use products::{difference_row_sums, multiply, product_row_sums, row_sums, subtract_product};
 
 pub use triangular::{forward_substitution, triangularise};
 

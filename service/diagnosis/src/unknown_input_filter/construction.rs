@@ -205,7 +205,9 @@ fn build_filter(
             }
             let radius = fixed.as_ref().map(|fixed| fixed.radius.clone());
             let filter = match (fixed, filter.gain) {
-                (Some(fixed), GainRule::Fixed) => ModeFilter::Fixed(FixedFilter::new(plant, coupled, &fixed)),
+                (Some(fixed), GainRule::Fixed) => {
+                    ModeFilter::Fixed(Box::new(FixedFilter::new(plant, coupled, &fixed)))
+                }
                 (Some(fixed), _) => {
                     coupled.set_fixed_candidate(plant, &fixed.gain);
                     ModeFilter::Coupled(coupled)

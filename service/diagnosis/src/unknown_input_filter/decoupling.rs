@@ -170,6 +170,56 @@ impl Decoupling {
     }
 }
 
+/// What the rounding of W C F1 = 0 lets through of one unit of the decoupled faults (method sheet 4.9).
+impl Decoupling {
+    /// |w C F1| + 4ε |w| |C| |F1| for the test row w = `row` and the decoupled direction `k`.
+    pub fn leak(&self, row: &[f64], k: usize, epsilon: f64) -> f64 {
+        let (seen, size) = self.response(row, k);
+        seen.abs() + 4.0 * epsilon * size
+    }
+
+    /// The same for φ = `row`, whose response to the fault `own` is one.
+    pub fn estimate_leak(&self, row: &[f64], own: usize, k: usize, epsilon: f64) -> f64 {
+        let (seen, size) = self.response(row, k);
+        let unit = f64::from(u8::from(self.pivot[k] == own));
+        (unit - seen).abs() + 4.0 * epsilon * size
+    }
+
+    /// Row i of |(I - LC)F1| + 4ε(|F1| + |L||C||F1|) with the row `gain` of L.
+    pub fn state_leak(&self, i: usize, gain: &[f64], k: usize, epsilon: f64) -> f64 {
+        let direction = self.columns[(i, k)];
+        let (seen, size) = self.response(gain, k);
+        (direction - seen).abs() + 4.0 * epsilon * (direction.abs() + size)
+    }
+
+    /// [`Self::leak`] in all decoupled directions (allocates; off-line).
+    pub fn leaks(&self, row: &[f64], epsilon: f64) -> Vec<f64> {
+        (0..self.rank()).map(|k| self.leak(row, k, epsilon)).collect()
+    }
+
+    /// [`Self::estimate_leak`] in all decoupled directions (allocates; off-line).
+    pub fn estimate_leaks(&self, row: &[f64], own: usize, epsilon: f64) -> Vec<f64> {
+        let all = (0..self.rank()).map(|k| self.estimate_leak(row, own, k, epsilon));
+        all.collect()
+    }
+
+    /// [`Self::state_leak`] in all decoupled directions (allocates; off-line).
+    pub fn state_leaks(&self, i: usize, gain: &[f64], epsilon: f64) -> Vec<f64> {
+        let all = (0..self.rank()).map(|k| self.state_leak(i, gain, k, epsilon));
+        all.collect()
+    }
+
+    /// `row` C F1 and |`row`| |C| |F1| for the decoupled direction `k`.
+    fn response(&self, row: &[f64], k: usize) -> (f64, f64) {
+        let mut sums = (0.0, 0.0);
+        for (j, weight) in row.iter().enumerate() {
+            sums.0 += weight * self.seen[(j, k)];
+            sums.1 += weight.abs() * self.seen_size[(j, k)];
+        }
+        sums
+    }
+}
+
 /// F, the columns of B in the mode.
 pub(crate) fn fault_matrix(plant: &Plant, mode: FaultMode) -> Matrix {
     Matrix::from(&mode.unknown_input_matrix(&plant.b.to_dense()))

@@ -13,7 +13,7 @@ use super::{
     strip_reset::Strip,
     workspace::Workspace,
 };
-use crate::matrix::{Matrix, row_sums};
+use crate::matrix::{Matrix, product_row_sums, row_sums};
 
 /// Constants of one filter in the coupled form.
 #[derive(Clone, Debug)]
@@ -201,28 +201,48 @@ impl CoupledFilter {
             prediction: &work.prediction,
             outward,
         };
-        context.test_outputs(decoupling, &mut work.scratch, outcome);
-        let row = &mut work.row[..m];
-        if decoupling.complete {
-            for (slot, actuator) in self.mode.other_actuators(plant.nu()).enumerate() {
-                let signature = &mut work.signature[..m];
-                for (value, &output) in signature.iter_mut().zip(&measured.received) {
-                    *value = plant.cb[(output, actuator)];
-                }
-                if work.choice.matched_row(decoupling, signature, row) {
-                    let test = context.test(row, &mut work.scratch);
-                    outcome.lost |= !test.evaluated;
-                    outcome.matched[slot] = test;
-                    outcome.note_sensitivity(test.half_width, context.responses(row));
-                }
+        context.test_outputs(decoupling, &mut work.spreads, outcome);
+        let others = || self.mode.other_actuators(plant.nu()).enumerate();
+        let estimated = if regular || work.missing.separated {
+            rank
+        } else {
+            0
+        };
+        // The rows that this step has found: matched rows, those of faults not seen left out, then φ.
+        let rows = &mut work.rows;
+        let mut count = 0;
+        let mut visible = 0_u64;
+        rows.reshape(plant.nu() + rank, m);
+        for (slot, actuator) in others().filter(|_| decoupling.complete) {
+            let signature = &mut work.signature[..m];
+            for (value, &output) in signature.iter_mut().zip(&measured.received) {
+                *value = plant.cb[(output, actuator)];
+            }
+            if work
+                .choice
+                .matched_row(decoupling, signature, rows.row_mut(count))
+            {
+                visible |= 1 << slot;
+                count += 1;
             }
         }
-        if regular || work.missing.separated {
-            for k in 0..rank {
-                work.choice.estimate_row(decoupling, k, row);
-                let own = decoupling.pivot[k];
-                outcome.estimates[own] = context.estimate(row, own, &mut work.scratch);
+        for k in 0..estimated {
+            work.choice.estimate_row(decoupling, k, rows.row_mut(count + k));
+        }
+        rows.reshape(count + estimated, m);
+        product_row_sums(rows, &work.prediction.spread, &mut work.spreads);
+        let mut found = rows.iter_rows().zip(&work.spreads);
+        for (slot, _) in others().filter(|(slot, _)| visible >> slot & 1 == 1) {
+            if let Some((row, spread)) = found.next() {
+                let test = context.test(row, *spread);
+                outcome.lost |= !test.evaluated;
+                outcome.matched[slot] = test;
+                outcome.note_sensitivity(test.half_width, context.responses(row));
             }
+        }
+        for (k, (row, spread)) in found.enumerate() {
+            let own = decoupling.pivot[k];
+            outcome.estimates[own] = context.estimate(row, own, *spread);
         }
     }
 
@@ -241,12 +261,7 @@ impl CoupledFilter {
             let correction = work.gain.row(i).iter().zip(&prediction.innovation[..m]);
             state.centre[i] = prediction.centre[i] + correction.map(|(l, e)| l * e).sum::<f64>();
         }
-        prediction.correct(
-            &work.gain,
-            &measured.noise,
-            &mut work.scratch,
-            &mut state.generators,
-        );
+        prediction.correct(&work.gain, &measured.noise, &mut state.generators);
         if plant.epsilon > 0.0 {
             let decoupling = if regular {
                 &self.decoupling

@@ -1,7 +1,7 @@
 //! One filter in the coupled form with a fixed gain (method sheet 4.2, `gain = "fixed"`).
 //!
-//! With L, the test rows W and the estimate rows φ constant, one product of H with the stacked matrix
-//! \[(I - LC)A0; WCA0; φCA0\] gives the corrected set, all half widths and the radii of the estimates. Incomplete
+//! With L, the test rows W and the estimate rows φ constant, the product of H with (I - LC)A0 gives the corrected
+//! set, its products with WCA0 and φCA0 all half widths and the radii of the estimates. Incomplete
 //! packets and unbounded sets take the general step.
 
 use super::{
@@ -14,7 +14,7 @@ use super::{
     state::SetState,
     workspace::Workspace,
 };
-use crate::matrix::{Matrix, absolute_dot, absolute_sum, combination, dot, multiply};
+use crate::matrix::{Matrix, absolute_dot, combination, dot, multiply, product_row_sums};
 use nalgebra::DMatrix;
 
 /// What a constant row is for.
@@ -37,6 +37,8 @@ struct FixedRow {
     responses: Vec<f64>,
     /// Part of the half width that no datum changes: |w|v and the disturbance outside the box.
     constant: f64,
+    /// What one unit of f̄ adds to the half width under outward rounding, for each decoupled direction.
+    leaks: Vec<f64>,
 }
 
 /// Constants of one filter with a fixed gain.
@@ -47,8 +49,12 @@ pub(crate) struct FixedFilter {
     rows: Vec<FixedRow>,
     /// \[(I - LC); WC; φC\], (nx + rows) x nx.
     map: Matrix,
-    /// `map` A0.
-    stacked: Matrix,
+    /// (I - LC)A0.
+    transition: Matrix,
+    /// WCA0 and φCA0.
+    tests: Matrix,
+    /// What one unit of f̄ adds to η, nx x r.
+    leaks: Vec<Vec<f64>>,
     /// (I - LC) D diag(w) when D is not square and diagonal.
     disturbance: Option<Matrix>,
     /// L V.
@@ -69,6 +75,10 @@ impl FixedFilter {
                 weights: weights.to_vec(),
                 responses,
                 constant: 0.0,
+                leaks: match purpose {
+                    Purpose::Estimate(own) => decoupling.estimate_leaks(weights, own, plant.epsilon),
+                    _ => decoupling.leaks(weights, plant.epsilon),
+                },
             });
         };
         for j in (0..ny).filter(|j| !decoupling.blind[*j]) {
@@ -102,15 +112,21 @@ impl FixedFilter {
         }
         let mut stacked = Matrix::zeros(nx + rows.len(), nx);
         multiply(&map, &plant.a0, &mut stacked);
+        let (mut transition, mut tests) = (Matrix::zeros(nx, nx), Matrix::zeros(rows.len(), nx));
+        (0..nx).for_each(|i| transition.row_mut(i).copy_from_slice(stacked.row(i)));
+        (0..rows.len()).for_each(|r| tests.row_mut(r).copy_from_slice(stacked.row(nx + r)));
+        let leaks = (0..nx).map(|i| decoupling.state_leaks(i, fixed.gain.row(i), plant.epsilon));
         let mut noise = Matrix::with_capacity(nx, ny);
         noise.append_scaled(&fixed.gain, &plant.noise);
         Self {
             disturbance: mapped.map(|mapped| Matrix::from(&mapped.rows(0, nx).into_owned())),
             gain: fixed.gain.clone(),
+            leaks: leaks.collect(),
             coupled,
             rows,
             map,
-            stacked,
+            transition,
+            tests,
             noise,
         }
     }
@@ -143,7 +159,8 @@ impl FixedFilter {
         outcome.clear();
         work.prediction.predict_centre(plant, state, command, None);
         work.prediction.observe_centre(measured);
-        multiply(&self.stacked, &state.generators, &mut work.stacked);
+        multiply(&self.transition, &state.generators, &mut work.corrected);
+        product_row_sums(&self.tests, &state.generators, &mut work.spreads);
         let decoupling = &self.coupled.decoupling;
         let prediction = &work.prediction;
         for (j, value) in work.spread_radius.iter_mut().enumerate() {
@@ -162,7 +179,7 @@ impl FixedFilter {
         for (i, centre) in state.centre.iter_mut().enumerate() {
             *centre = prediction.centre[i] + dot(self.gain.row(i), &prediction.innovation);
             if let Some(outward) = &outward {
-                work.error[i] = outward.state_error(i, self.gain.row(i));
+                work.error[i] = outward.state_error_with(i, self.gain.row(i), &self.leaks[i]);
             }
         }
         self.correct(plant, state, work);
@@ -176,18 +193,17 @@ impl FixedFilter {
         let (nx, prediction) = (self.gain.rows(), &work.prediction);
         for (r, row) in self.rows.iter().enumerate() {
             let residual = dot(&row.weights, &prediction.innovation);
-            let mut half_width = absolute_sum(work.stacked.row(nx + r))
-                + absolute_dot(self.map.row(nx + r), &prediction.box_radius)
-                + row.constant;
+            let mut half_width =
+                work.spreads[r] + absolute_dot(self.map.row(nx + r), &prediction.box_radius) + row.constant;
             if let Purpose::Estimate(own) = row.purpose {
                 if let Some(outward) = outward {
-                    half_width = outward.estimate_radius(half_width, &row.weights, own, residual);
+                    half_width = outward.estimate_radius_with(half_width, &row.weights, residual, &row.leaks);
                 }
                 outcome.estimates[own] = FaultEstimate::finite(residual, half_width);
                 continue;
             }
             if let Some(outward) = outward {
-                half_width = outward.half_width(half_width, &row.weights);
+                half_width = outward.half_width_with(half_width, &row.weights, &row.leaks);
             }
             let evaluated = residual.is_finite() && half_width.is_finite();
             outcome.lost |= !evaluated;
@@ -208,12 +224,12 @@ impl FixedFilter {
     /// H = \[(I - LC)\[A0H, box, disturbance\], LV\], reduced.
     fn correct(&self, plant: &Plant, state: &mut SetState, work: &mut Workspace) {
         let nx = plant.nx();
-        let columns = work.stacked.columns();
+        let columns = work.corrected.columns();
         let box_radius = &work.prediction.box_radius;
         state.generators.reshape(nx, columns + nx);
         for i in 0..nx {
             let (left, right) = state.generators.row_mut(i).split_at_mut(columns);
-            left.copy_from_slice(work.stacked.row(i));
+            left.copy_from_slice(work.corrected.row(i));
             for (target, (value, radius)) in right.iter_mut().zip(self.map.row(i).iter().zip(box_radius)) {
                 *target = value * radius;
             }

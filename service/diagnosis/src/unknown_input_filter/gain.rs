@@ -14,7 +14,10 @@
 use super::decoupling::Decoupling;
 use crate::{
     factor::{cholesky, cholesky_solve},
-    matrix::{Matrix, absolute_sum, add_combination, combination, dot},
+    matrix::{
+        Matrix, absolute_sum, add_combination, combination, difference_row_sums, dot, lower_gram, multiply,
+        multiply_transposed,
+    },
 };
 
 /// Rows of S' that compete with the Frobenius row.
@@ -37,7 +40,12 @@ pub(crate) struct GainChoice {
     own: Matrix,
     factor: Matrix,
     inverse: Matrix,
+    /// T0 b', nx x z.
+    projections: Matrix,
     coefficients: Matrix,
+    /// Half widths of the rows of `coefficients` and of others.
+    least: Vec<f64>,
+    half_widths: Vec<f64>,
     candidate: Vec<f64>,
     best: Vec<f64>,
     residual: Vec<f64>,
@@ -55,7 +63,10 @@ impl GainChoice {
             own: Matrix::zeros(ny, columns),
             factor: Matrix::zeros(ny, ny),
             inverse: Matrix::zeros(ny, ny),
+            projections: Matrix::zeros(nx, ny),
             coefficients: Matrix::zeros(nx, ny),
+            least: vec![0.0; nx],
+            half_widths: vec![0.0; nx],
             candidate: vec![0.0; ny],
             best: vec![0.0; ny],
             residual: vec![0.0; columns],
@@ -71,19 +82,12 @@ impl GainChoice {
         extend_by_noise(&decoupling.null_basis, spread, noise, &mut self.basis);
         extend_by_noise(&decoupling.inverse, spread, noise, &mut self.own);
         debug_assert_eq!(self.basis.shape(), (z, q + m));
-        self.factor.reshape(z, z);
-        for i in 0..z {
-            for j in 0..=i {
-                self.factor[(i, j)] = dot(self.basis.row(i), self.basis.row(j));
-            }
-        }
+        lower_gram(&self.basis, &mut self.factor);
         let trace: f64 = (0..z).map(|i| self.factor[(i, i)]).sum();
         if !cholesky(&mut self.factor) {
             // Any S' is valid, so that a slightly regularised K only costs width.
+            lower_gram(&self.basis, &mut self.factor);
             for i in 0..z {
-                for j in 0..=i {
-                    self.factor[(i, j)] = dot(self.basis.row(i), self.basis.row(j));
-                }
                 self.factor[(i, i)] += 1e-12 * trace / z as f64 + f64::MIN_POSITIVE;
             }
             if !cholesky(&mut self.factor) {
@@ -111,8 +115,6 @@ impl GainChoice {
         let (m, q) = spread.shape();
         let (nx, z) = (generators.rows(), self.basis.rows());
         self.rest.reshape(nx, q + m);
-        self.coefficients.reshape(nx, z);
-        gain.copy_from(&decoupling.gain);
         for i in 0..nx {
             let rest = self.rest.row_mut(i);
             rest[..q].copy_from_slice(generators.row(i));
@@ -122,51 +124,51 @@ impl GainChoice {
                 *target = -value;
             }
             add_combination(rest, own, &self.own);
-            for (target, row) in self.candidate[..z].iter_mut().zip(self.basis.iter_rows()) {
-                *target = dot(self.rest.row(i), row);
-            }
-            combination(&mut self.best[..z], &self.candidate[..z], &self.inverse);
-            if z > 0 {
-                self.improve(i, candidates);
-            }
-            self.coefficients.row_mut(i).copy_from_slice(&self.best[..z]);
-            add_combination(gain.row_mut(i), &self.best[..z], &decoupling.null_basis);
+        }
+        // S'_F = T0 b' K⁻¹.
+        multiply_transposed(&self.rest, &self.basis, &mut self.projections);
+        multiply(&self.projections, &self.inverse, &mut self.coefficients);
+        if z > 0 {
+            self.improve(candidates);
+        }
+        gain.copy_from(&decoupling.gain);
+        for i in 0..nx {
+            add_combination(gain.row_mut(i), self.coefficients.row(i), &decoupling.null_basis);
         }
     }
 
-    /// Lets the candidates compete with the Frobenius row, which `best` holds, for state row `i`.
-    fn improve(&mut self, i: usize, candidates: Candidates<'_>) {
+    /// Lets the candidates compete with the Frobenius rows, which `coefficients` holds.
+    fn improve(&mut self, candidates: Candidates<'_>) {
         if candidates.strip.is_none() && candidates.fixed.is_none() && candidates.sweeps == 0 {
             return;
         }
-        let z = self.basis.rows();
-        self.candidate[..z].copy_from_slice(&self.best[..z]);
-        let mut least = self.half_width(i);
-        if let Some((rows, half_widths)) = candidates.strip
-            && half_widths[i] < least
-        {
-            least = half_widths[i];
-            self.best[..z].copy_from_slice(rows.row(i));
+        let (rest, basis) = (&self.rest, &self.basis);
+        difference_row_sums(rest, &self.coefficients, basis, &mut self.least);
+        if let Some((rows, half_widths)) = candidates.strip {
+            take_narrower(&mut self.coefficients, &mut self.least, rows, half_widths);
         }
         if let Some(rows) = candidates.fixed {
-            self.candidate[..z].copy_from_slice(rows.row(i));
-            self.keep_if_narrower(i, &mut least);
+            difference_row_sums(rest, rows, basis, &mut self.half_widths);
+            take_narrower(&mut self.coefficients, &mut self.least, rows, &self.half_widths);
         }
-        self.candidate[..z].copy_from_slice(&self.best[..z]);
-        for _ in 0..candidates.sweeps {
-            if !self.reweight(i) {
-                break;
-            }
-            self.keep_if_narrower(i, &mut least);
+        if candidates.sweeps > 0 {
+            (0..self.rest.rows()).for_each(|i| self.sweep(i, candidates.sweeps));
         }
     }
 
-    fn keep_if_narrower(&mut self, i: usize, least: &mut f64) {
-        let width = self.half_width(i);
-        if width < *least {
-            *least = width;
-            let z = self.basis.rows();
-            self.best[..z].copy_from_slice(&self.candidate[..z]);
+    /// Lets reweighted least-squares rows compete for state row `i`.
+    fn sweep(&mut self, i: usize, sweeps: usize) {
+        let z = self.basis.rows();
+        self.candidate[..z].copy_from_slice(self.coefficients.row(i));
+        for _ in 0..sweeps {
+            if !self.reweight(i) {
+                break;
+            }
+            let width = self.half_width(i);
+            if width < self.least[i] {
+                self.least[i] = width;
+                self.coefficients.row_mut(i).copy_from_slice(&self.candidate[..z]);
+            }
         }
     }
 
@@ -246,15 +248,18 @@ impl GainChoice {
     }
 }
 
-/// `out` = `rows` \[spread, diag(noise)\].
-fn extend_by_noise(rows: &Matrix, spread: &Matrix, noise: &[f64], out: &mut Matrix) {
-    let (m, q) = spread.shape();
-    out.reshape(rows.rows(), q + m);
-    for i in 0..rows.rows() {
-        let (left, right) = out.row_mut(i).split_at_mut(q);
-        combination(left, rows.row(i), spread);
-        for (target, (value, bound)) in right.iter_mut().zip(rows.row(i).iter().zip(noise)) {
-            *target = value * bound;
+/// Takes over those rows of `others` whose half widths are smaller.
+fn take_narrower(rows: &mut Matrix, least: &mut [f64], others: &Matrix, half_widths: &[f64]) {
+    for (i, (least, width)) in least.iter_mut().zip(half_widths).enumerate() {
+        if width < least {
+            *least = *width;
+            rows.row_mut(i).copy_from_slice(others.row(i));
         }
     }
+}
+
+/// `out` = `rows` \[spread, diag(noise)\].
+fn extend_by_noise(rows: &Matrix, spread: &Matrix, noise: &[f64], out: &mut Matrix) {
+    multiply(rows, spread, out);
+    out.append_scaled(rows, noise);
 }

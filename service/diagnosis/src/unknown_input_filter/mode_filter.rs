@@ -16,7 +16,7 @@ use crate::matrix::combination;
 #[derive(Clone, Debug)]
 pub(crate) enum ModeFilter {
     Coupled(CoupledFilter),
-    Fixed(FixedFilter),
+    Fixed(Box<FixedFilter>),
     Paper(PaperFilter),
     Kalman(KalmanFilter),
 }

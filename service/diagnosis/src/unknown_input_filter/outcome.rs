@@ -8,7 +8,7 @@ use super::{
     plant::{Measured, Plant},
     prediction::Prediction,
 };
-use crate::matrix::{Matrix, absolute_dot, absolute_sum, combination, dot};
+use crate::matrix::{Matrix, absolute_dot, dot, product_row_sums};
 
 /// A residual against its bound.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -119,10 +119,10 @@ pub(crate) struct RowContext<'a> {
 }
 
 impl RowContext<'_> {
-    /// Residual w e and half width R(wΓ) + |w|v of the test row `row` (length m).
-    pub fn test(&self, row: &[f64], scratch: &mut [f64]) -> TestRow {
+    /// Residual w e and half width R(wΓ) + |w|v of the test row `row` (length m), given `spread` = R(wΓ).
+    pub fn test(&self, row: &[f64], spread: f64) -> TestRow {
         let residual = dot(row, &self.prediction.innovation[..row.len()]);
-        let mut half_width = self.spread(row, scratch);
+        let mut half_width = spread + absolute_dot(row, &self.measured.noise);
         if let Some(outward) = &self.outward {
             half_width = outward.half_width(half_width, row);
         }
@@ -133,10 +133,10 @@ impl RowContext<'_> {
         }
     }
 
-    /// Estimate of the own fault `own` with the coefficients `row` of φ.
-    pub fn estimate(&self, row: &[f64], own: usize, scratch: &mut [f64]) -> Option<FaultEstimate> {
+    /// Estimate of the own fault `own` with the coefficients `row` of φ, given `spread` = R(φΓ).
+    pub fn estimate(&self, row: &[f64], own: usize, spread: f64) -> Option<FaultEstimate> {
         let centre = dot(row, &self.prediction.innovation[..row.len()]);
-        let mut radius = self.spread(row, scratch);
+        let mut radius = spread + absolute_dot(row, &self.measured.noise);
         if let Some(outward) = &self.outward {
             radius = outward.estimate_radius(radius, row, own, centre);
         }
@@ -153,20 +153,15 @@ impl RowContext<'_> {
         })
     }
 
-    fn spread(&self, row: &[f64], scratch: &mut [f64]) -> f64 {
-        let scratch = &mut scratch[..self.prediction.spread.columns()];
-        combination(scratch, row, &self.prediction.spread);
-        absolute_sum(scratch) + absolute_dot(row, &self.measured.noise)
-    }
-
     /// Tests the projector rows and notes what they would see.
-    pub fn test_outputs(&self, decoupling: &Decoupling, scratch: &mut [f64], outcome: &mut Outcome) {
+    pub fn test_outputs(&self, decoupling: &Decoupling, spreads: &mut [f64], outcome: &mut Outcome) {
         let rows: &Matrix = &decoupling.test_rows;
+        product_row_sums(rows, &self.prediction.spread, spreads);
         for (k, &output) in self.measured.received.iter().enumerate() {
             if decoupling.blind[k] {
                 continue;
             }
-            let test = self.test(rows.row(k), scratch);
+            let test = self.test(rows.row(k), spreads[k]);
             outcome.lost |= !test.evaluated;
             outcome.outputs[output] = test;
             outcome.note_sensitivity(test.half_width, self.responses(rows.row(k)));

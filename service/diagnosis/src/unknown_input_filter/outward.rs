@@ -25,47 +25,61 @@ pub(crate) struct Outward<'a> {
 impl Outward<'_> {
     /// The half width `half_width` of the test row `row`, enlarged.
     pub fn half_width(&self, half_width: f64, row: &[f64]) -> f64 {
-        let mut out =
-            half_width * (1.0 + self.epsilon) + 8.0 * self.epsilon * absolute_dot(row, self.output_size);
-        for (k, fault) in self.own_fault.iter().enumerate() {
-            let (leak, size) = self.leak(row, k);
-            out += (leak.abs() + 4.0 * self.epsilon * size) * fault;
-        }
-        out
+        let leaks = (0..self.own_fault.len()).map(|k| self.decoupling.leak(row, k, self.epsilon));
+        self.widened(half_width, absolute_dot(row, self.output_size), leaks)
+    }
+
+    /// The same with the [`Decoupling::leaks`] of the row.
+    pub fn half_width_with(&self, half_width: f64, row: &[f64], leaks: &[f64]) -> f64 {
+        self.widened(
+            half_width,
+            absolute_dot(row, self.output_size),
+            leaks.iter().copied(),
+        )
     }
 
     /// The radius of the estimate `estimate` of the own fault `own` with coefficients `row`, enlarged; this
     /// includes what `row` C F1 differs from the unit row times the bound of the faults.
     pub fn estimate_radius(&self, radius: f64, row: &[f64], own: usize, estimate: f64) -> f64 {
+        let leaks =
+            (0..self.own_fault.len()).map(|k| self.decoupling.estimate_leak(row, own, k, self.epsilon));
+        self.widened(
+            radius,
+            absolute_dot(row, self.output_size) + estimate.abs(),
+            leaks,
+        )
+    }
+
+    /// The same with the [`Decoupling::estimate_leaks`] of the row.
+    pub fn estimate_radius_with(&self, radius: f64, row: &[f64], estimate: f64, leaks: &[f64]) -> f64 {
         let size = absolute_dot(row, self.output_size) + estimate.abs();
-        let mut out = radius * (1.0 + self.epsilon) + 8.0 * self.epsilon * size;
-        for (k, fault) in self.own_fault.iter().enumerate() {
-            let (leak, size) = self.leak(row, k);
-            let unit = f64::from(u8::from(self.decoupling.pivot[k] == own));
-            out += ((unit - leak).abs() + 4.0 * self.epsilon * size) * fault;
-        }
-        out
+        self.widened(radius, size, leaks.iter().copied())
     }
 
     /// η of state row `i` corrected with the row `gain` of L.
     pub fn state_error(&self, i: usize, gain: &[f64]) -> f64 {
-        let size = self.prediction_size[i] + absolute_dot(gain, self.output_size);
-        let mut out = 8.0 * self.epsilon * size;
-        for (k, fault) in self.own_fault.iter().enumerate() {
-            let direction = self.decoupling.columns[(i, k)];
-            let (leak, size) = self.leak(gain, k);
-            out += ((direction - leak).abs() + 4.0 * self.epsilon * (direction.abs() + size)) * fault;
-        }
-        out
+        let leaks = (0..self.own_fault.len()).map(|k| self.decoupling.state_leak(i, gain, k, self.epsilon));
+        self.with_leaks(8.0 * self.epsilon * self.state_size(i, gain), leaks)
     }
 
-    /// `row` C F1 and |`row`| |C| |F1| for the decoupled direction `k`.
-    fn leak(&self, row: &[f64], k: usize) -> (f64, f64) {
-        let mut sums = (0.0, 0.0);
-        for (j, weight) in row.iter().enumerate() {
-            sums.0 += weight * self.decoupling.seen[(j, k)];
-            sums.1 += weight.abs() * self.decoupling.seen_size[(j, k)];
-        }
-        sums
+    /// The same with the [`Decoupling::state_leaks`] of the row.
+    pub fn state_error_with(&self, i: usize, gain: &[f64], leaks: &[f64]) -> f64 {
+        self.with_leaks(
+            8.0 * self.epsilon * self.state_size(i, gain),
+            leaks.iter().copied(),
+        )
+    }
+
+    fn state_size(&self, i: usize, gain: &[f64]) -> f64 {
+        self.prediction_size[i] + absolute_dot(gain, self.output_size)
+    }
+
+    fn widened(&self, width: f64, size: f64, leaks: impl Iterator<Item = f64>) -> f64 {
+        self.with_leaks(width * (1.0 + self.epsilon) + 8.0 * self.epsilon * size, leaks)
+    }
+
+    fn with_leaks(&self, start: f64, leaks: impl Iterator<Item = f64>) -> f64 {
+        let shares = leaks.zip(self.own_fault).map(|(leak, fault)| leak * fault);
+        shares.fold(start, |sum, share| sum + share)
     }
 }

@@ -119,7 +119,7 @@ impl PaperFilter {
                 *centre = work.prediction.centre[i] + dot(work.gain.row(i), &work.prediction.innovation);
             }
             work.prediction
-                .correct(&work.gain, &plant.noise, &mut work.scratch, &mut state.generators);
+                .correct(&work.gain, &plant.noise, &mut state.generators);
             work.reducer.reduce(&mut state.generators, self.order);
             state.update_radius();
         }

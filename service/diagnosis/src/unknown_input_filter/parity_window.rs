@@ -1,7 +1,8 @@
 //! The last samples of one mode, kept for its parity tests (method sheet 4.4).
 
+use crate::matrix::Matrix;
 use crate::model::LinearModel;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 /// A ring of the last n + 1 samples: measurements, commands and bounds of the state.
@@ -198,15 +199,15 @@ impl Rows {
 /// rounding under outward rounding (method sheet 4.6).
 #[derive(Clone, Debug)]
 struct StripBound {
-    gain: DMatrix<f64>,
-    gain_abs: DMatrix<f64>,
+    gain: Matrix,
+    gain_abs: Matrix,
     /// 1.01 (|I - C⁺C| + 4 ny δ (I + |C⁺||C|)); zero without outward rounding.
-    relative_error: DMatrix<f64>,
+    relative_error: Matrix,
     /// 4 ny δ, zero without outward rounding.
     rounding: f64,
-    v: DVector<f64>,
-    bound: DVector<f64>,
-    scratch: DVector<f64>,
+    v: Vec<f64>,
+    bound: Vec<f64>,
+    scratch: Vec<f64>,
 }
 
 impl StripBound {
@@ -226,29 +227,33 @@ impl StripBound {
             DMatrix::zeros(nx, nx)
         };
         Self {
-            gain,
-            gain_abs,
-            relative_error,
+            gain: Matrix::from(&gain),
+            gain_abs: Matrix::from(&gain_abs),
+            relative_error: Matrix::from(&relative_error),
             rounding,
-            v: model.v().clone(),
-            bound: DVector::zeros(nx),
-            scratch: DVector::zeros(nx),
+            v: model.v().as_slice().to_vec(),
+            bound: vec![0.0; nx],
+            scratch: vec![0.0; nx],
         }
     }
 
-    fn evaluate(&mut self, y: &[f64]) -> &DVector<f64> {
+    fn evaluate(&mut self, y: &[f64]) -> &[f64] {
         for i in 0..self.bound.len() {
             let (mut center, mut radius, mut size) = (0.0, 0.0, 0.0);
-            for (j, y) in y.iter().enumerate() {
-                center += self.gain[(i, j)] * y;
-                radius += self.gain_abs[(i, j)] * self.v[j];
-                size += self.gain_abs[(i, j)] * (y.abs() + self.v[j]);
+            let gains = self.gain.row(i).iter().zip(self.gain_abs.row(i));
+            for ((gain, size_of_gain), (y, v)) in gains.zip(y.iter().zip(&self.v)) {
+                center += gain * y;
+                radius += size_of_gain * v;
+                size += size_of_gain * (y.abs() + v);
             }
             self.scratch[i] = center.abs() + radius;
             self.bound[i] = self.rounding * size;
         }
-        self.bound.gemv(1.0, &self.relative_error, &self.scratch, 1.0);
-        self.bound += &self.scratch;
+        for i in 0..self.bound.len() {
+            let terms = self.relative_error.row(i).iter().zip(&self.scratch);
+            let error = terms.fold(self.bound[i], |sum, (share, x)| sum + share * x);
+            self.bound[i] = error + self.scratch[i];
+        }
         &self.bound
     }
 }

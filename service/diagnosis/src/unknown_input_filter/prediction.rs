@@ -12,7 +12,7 @@ use super::{
     plant::{Command, Measured, Plant},
     state::SetState,
 };
-use crate::matrix::{Matrix, absolute_dot, absolute_sum, combination, dot, multiply};
+use crate::matrix::{Matrix, absolute_dot, absolute_sum, dot, multiply, subtract_product};
 
 /// Room for one prediction.
 #[derive(Clone, Debug)]
@@ -108,20 +108,8 @@ impl Prediction {
     }
 
     /// Writes H = \[G - LΓ, LV\] for the correction with `gain`.
-    pub fn correct(&self, gain: &Matrix, noise: &[f64], scratch: &mut [f64], out: &mut Matrix) {
-        let (m, q) = self.spread.shape();
-        let nx = self.generators.rows();
-        out.reshape(nx, q + m);
-        for i in 0..nx {
-            let correction = &mut scratch[..q];
-            combination(correction, gain.row(i), &self.spread);
-            let (left, right) = out.row_mut(i).split_at_mut(q);
-            for ((target, value), part) in left.iter_mut().zip(self.generators.row(i)).zip(correction) {
-                *target = value - *part;
-            }
-            for (target, (weight, bound)) in right.iter_mut().zip(gain.row(i).iter().zip(noise)) {
-                *target = weight * bound;
-            }
-        }
+    pub fn correct(&self, gain: &Matrix, noise: &[f64], out: &mut Matrix) {
+        subtract_product(&self.generators, gain, &self.spread, out);
+        out.append_scaled(gain, noise);
     }
 }

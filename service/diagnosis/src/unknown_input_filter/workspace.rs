@@ -16,15 +16,17 @@ pub(crate) struct Workspace {
     pub missing: MissingData,
     pub reducer: Reducer,
     pub gain: Matrix,
-    pub scratch: Vec<f64>,
-    pub row: Vec<f64>,
+    /// Rows of W and φ that are found at every step.
+    pub rows: Matrix,
+    /// Radii R(wΓ) of test rows.
+    pub spreads: Vec<f64>,
     pub signature: Vec<f64>,
     /// |e| + R(Γ) + v.
     pub spread_radius: Vec<f64>,
     /// f̄.
     pub own_fault: Vec<f64>,
-    /// Product with the stacked matrix of a fixed gain.
-    pub stacked: Matrix,
+    /// (I - LC)A0H with a fixed gain.
+    pub corrected: Matrix,
     /// η.
     pub error: Vec<f64>,
     /// CH⁻H⁻'C' + V² of the paper's form, ny x ny.
@@ -43,12 +45,12 @@ impl Workspace {
             missing: MissingData::new(plant, own),
             reducer: Reducer::new(reduction, nx, columns),
             gain: Matrix::zeros(nx, ny),
-            scratch: vec![0.0; columns],
-            row: vec![0.0; ny],
+            rows: Matrix::zeros(plant.nu() + ny, ny),
+            spreads: vec![0.0; ny + plant.nu() + ny],
             signature: vec![0.0; ny],
             spread_radius: vec![0.0; ny],
             own_fault: vec![0.0; ny],
-            stacked: Matrix::zeros(nx + ny + plant.nu(), columns),
+            corrected: Matrix::with_capacity(nx, columns),
             error: vec![0.0; nx],
             square: Matrix::zeros(ny, ny),
             kalman: KalmanWorkspace::new(plant),

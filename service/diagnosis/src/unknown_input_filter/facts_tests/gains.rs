@@ -137,20 +137,15 @@ fn fact_6_the_corrected_set_contains_the_intersection_for_any_gain() {
         let x = &p + &h * &z;
         let y = &c * &x + noise.component_mul(model.v());
         let gain = DMatrix::from_fn(4, 4, |i, j| sample(20 + 4 * i + j, 2.0));
-        work.prediction.correct(
-            &Matrix::from(&gain),
-            &plant.noise,
-            &mut work.scratch,
-            &mut corrected,
-        );
+        let gain_rows = Matrix::from(&gain);
+        work.prediction.correct(&gain_rows, &plant.noise, &mut corrected);
         let centre = &p + &gain * (y - &c * &p);
         let coordinates =
             DVector::from_iterator(11, z.iter().copied().chain(noise.iter().map(|value| -value)));
         assert!((centre + corrected.to_dense() * coordinates - x).amax() < 1e-12);
     }
     assert!(optimal_gain(&plant.noise, &mut work));
-    work.prediction
-        .correct(&work.gain, &plant.noise, &mut work.scratch, &mut corrected);
+    work.prediction.correct(&work.gain, &plant.noise, &mut corrected);
     assert!((corrected.to_dense() - dense(&case["generators"])).amax() < 1e-12);
     let centre = &p + work.gain.to_dense() * (DVector::from_vec(vector(&case["y"])) - &c * &p);
     assert_near(centre.as_slice(), &vector(&case["centre"]), 1e-11);
