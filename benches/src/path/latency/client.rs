@@ -9,7 +9,7 @@ use residual_shared::clock::{monotonic_ns, sleep_until_monotonic};
 use residual_shared::record::{StepRecord, flags};
 use serde::{Deserialize, Serialize};
 
-use super::{LOOK_AHEAD_NS, LOOK_BEHIND_NS, WARM_UP_STEPS, sent_word};
+use super::{LOOK_AHEAD_NS, LOOK_BEHIND_NS, READY, WARM_UP_STEPS, sent_word};
 use crate::path::stage::{CLIENT_PRIORITY, OTHER_CORE, Part};
 use crate::percentiles::{Counts, counts, times};
 use crate::process::{asked_to_end, say};
@@ -54,6 +54,7 @@ pub fn play(options: &Options) -> Result<()> {
         .context("no diagnoser")?
         .period_ns;
     options.part.take_seat(OTHER_CORE, CLIENT_PRIORITY)?;
+    say(&READY)?;
     let (mut since_instant, mut since_published) = (times(), times());
     let (mut without_samples, mut overtaken, mut records) = (0, 0, 0_u64);
     let mut record = StepRecord::new(0);

@@ -12,7 +12,7 @@
 use std::thread::sleep;
 use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use residuald::summary::{StepTimes, Summary};
 
 use super::stage::{STEP_CORE, STEP_PRIORITY, Stage, real_time_refusal, replaced};
@@ -39,6 +39,9 @@ const WARM_UP_STEPS: u64 = 20;
 
 /// Steps whose publishing times are kept in the shared words.
 const SENT_WORDS: u64 = 1024;
+
+/// What a process says when it is about to begin.
+const READY: &str = "ready";
 
 /// What bounds may take beyond the jitter of the timer and the step.
 const ALLOWANCE_NS: u64 = 5_000;
@@ -109,20 +112,32 @@ fn measure(is_real_time: bool, period_s: f64, seconds: f64) -> Result<Measured> 
     let stage = Stage::open(SENT_WORDS as usize)?;
     let daemon = stage.start_daemon(&configuration(&stage, is_real_time, period_s)?)?;
     let start = |role| stage.start(role, is_real_time, &[]);
-    let (publisher, mut client, mut timer) = (start("publisher")?, start("client")?, start("timer")?);
+    let (mut publisher, mut client, mut timer) = (start("publisher")?, start("client")?, start("timer")?);
+    for process in [&mut publisher, &mut client, &mut timer] {
+        process.line()?;
+    }
     sleep(Duration::from_secs_f64(seconds));
     client.ask_to_end();
-    let seen = client.said()?;
+    let seen: client::Seen = client.said()?;
     timer.ask_to_end();
     let timer_counts = timer.said()?;
     client.end()?;
     timer.end()?;
     publisher.end()?;
+    let seen_records = seen_records(&seen);
+    ensure!(
+        seen_records as f64 > 0.1 * seconds / period_s,
+        "only {seen_records} records in {seconds} s: the client or the publisher was kept from running"
+    );
     Ok(Measured {
         timer: timer_counts,
         seen,
         summary: daemon.stop()?,
     })
+}
+
+fn seen_records(seen: &client::Seen) -> u64 {
+    seen.since_instant.iter().map(|(_, count)| count).sum()
 }
 
 /// The example with this period, without margin, under this instance.

@@ -7,9 +7,9 @@ use residual_shared::bounds_table::TableReader;
 use residual_shared::clock::{monotonic_ns, sleep_until_monotonic};
 use residual_shared::transport::{self, SamplePublisher};
 
-use super::{LEAD_NS, sent_word};
+use super::{LEAD_NS, READY, sent_word};
 use crate::path::stage::{OTHER_CORE, PUBLISHER_PRIORITY, Part};
-use crate::process::asked_to_end;
+use crate::process::{asked_to_end, say};
 
 /// What it is told.
 #[derive(Clone, Debug, clap::Args)]
@@ -38,6 +38,7 @@ pub fn play(options: &Options) -> Result<()> {
         })
         .collect::<Result<Vec<_>>>()?;
     options.part.take_seat(OTHER_CORE, PUBLISHER_PRIORITY)?;
+    say(&READY)?;
     let first_ns = spec.schedule_epoch_ns + slot.phase_ns;
     let mut step = (monotonic_ns().saturating_sub(first_ns) / slot.period_ns) + 2;
     while !end.load(Ordering::Relaxed) {

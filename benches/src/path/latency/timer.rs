@@ -6,7 +6,7 @@ use anyhow::{Context, Result};
 use residual_shared::bounds_table::TableReader;
 use residual_shared::clock::{monotonic_ns, sleep_until_monotonic};
 
-use super::WARM_UP_STEPS;
+use super::{READY, WARM_UP_STEPS};
 use crate::path::stage::{Part, STEP_CORE, STEP_PRIORITY};
 use crate::percentiles::{counts, times};
 use crate::process::{asked_to_end, say};
@@ -29,6 +29,7 @@ pub fn play(options: &Options) -> Result<()> {
     let spec = &table.directory().spec;
     let slot = spec.slots.first().context("no diagnoser")?;
     options.part.take_seat(STEP_CORE, STEP_PRIORITY)?;
+    say(&READY)?;
     let first_ns = spec.schedule_epoch_ns + slot.phase_ns + slot.period_ns / 2;
     let mut lateness = times();
     let begin = (monotonic_ns().saturating_sub(first_ns) / slot.period_ns) + 2;

@@ -23,7 +23,7 @@ pub struct Options {
     /// Rounds over all numbers of readers; default 12, with --quick 6.
     #[arg(long)]
     rounds: Option<usize>,
-    /// Runs of the daemon of each kind; default 3, with --quick 1.
+    /// Runs of the daemon of each kind; default 3, with --quick 2.
     #[arg(long)]
     runs: Option<usize>,
 }
@@ -44,9 +44,9 @@ pub fn run(options: &Options, quick: bool) -> Result<Results> {
     }
     let is_real_time = refusal.is_none();
     let rounds = options.rounds.unwrap_or(if quick { 6 } else { 12 });
-    let runs = options.runs.unwrap_or(if quick { 1 } else { 3 });
+    let runs = options.runs.unwrap_or(if quick { 2 } else { 3 });
     records::run(&mut results, rounds, is_real_time)?;
     alarms::run(&mut results, rounds, is_real_time)?;
-    step::run(&mut results, runs, if quick { 1.5 } else { 4.0 }, is_real_time)?;
+    step::run(&mut results, runs, if quick { 1.0 } else { 4.0 }, is_real_time)?;
     Ok(results)
 }

@@ -14,7 +14,7 @@ use crate::path::crowd::{Activity, Crowd, WORDS};
 use crate::path::stage::{
     CLIENT_PRIORITY, Daemon, OTHER_CORE, STEP_CORE, STEP_PRIORITY, Stage, on_own_thread,
 };
-use crate::percentiles::{Percentiles, duration, times};
+use crate::percentiles::{Percentiles, duration, significant, times};
 use crate::processor::{pin, real_time};
 use crate::results::{Finding, Results, Table};
 
@@ -83,9 +83,19 @@ pub fn run(results: &mut Results, rounds: usize, seconds: f64, is_real_time: boo
             table.percentiles(first, &Percentiles::of(&measured.ticks));
         }
         if let (Some(without), Some(with)) = (of_rest.next(), of_rest.next()) {
-            let what = format!("step p99 with {CONSUMERS} alarm consumers / without, {name}");
             let ratio = with.p99() as f64 / without.p99() as f64;
-            results.findings.push(Finding::at_most(what, ratio, GROWTH, ""));
+            results.findings.push(Finding::of(
+                format!("step p99 with {CONSUMERS} alarm consumers / without, {name}"),
+                format!("≤ {GROWTH}"),
+                format!(
+                    "{} ({} / {}; runs of one kind differ by up to {})",
+                    significant(ratio),
+                    duration(with.p99() as f64),
+                    duration(without.p99() as f64),
+                    duration(without.spread().max(with.spread()) as f64)
+                ),
+                ratio <= GROWTH,
+            ));
         }
     }
     results.tables.push(table);
@@ -101,6 +111,12 @@ impl Measured {
     /// Median of the runs' 99th percentiles.
     fn p99(&self) -> u64 {
         median(self.steps.iter().map(|(_, p99)| *p99))
+    }
+
+    /// By how much the 99th percentiles of two runs differ.
+    fn spread(&self) -> u64 {
+        let p99 = || self.steps.iter().map(|(_, p99)| *p99);
+        p99().max().unwrap_or_default() - p99().min().unwrap_or_default()
     }
 }
 
