@@ -7,6 +7,7 @@ use std::process::{Command as Program, ExitCode, Stdio};
 
 use anyhow::{Context, Result};
 use clap::{Args, Parser, Subcommand};
+use residual_benches::path::{alarm, latency, read, role, write};
 use residual_benches::report;
 use residual_benches::results::Results;
 
@@ -35,6 +36,17 @@ struct Common {
 enum Command {
     /// Measures everything and writes REPORT.md with its charts.
     Report(ReportOptions),
+    /// From sample and sampling instant to readable bounds, beside a bare timer loop.
+    Latency(latency::Options),
+    /// From alarm to awake consumer, beside a bare futex and a bare iceoryx2 event.
+    Alarm(alarm::Options),
+    /// Reading bounds with 1 to 64 readers, beside an iceoryx2 blackboard.
+    Read(read::Options),
+    /// Writing records and alarms with 0 to 64 clients.
+    Write(write::Options),
+    /// A process of one of these measurements.
+    #[command(subcommand, hide = true)]
+    Path(role::Role),
 }
 
 /// Arguments of `report`.
@@ -49,7 +61,7 @@ struct ReportOptions {
 }
 
 /// The subcommands of a report, in its order.
-const MEASUREMENTS: [&str; 0] = [];
+const MEASUREMENTS: [&str; 4] = ["latency", "alarm", "read", "write"];
 
 /// Lines of a failed measurement that the report shows.
 const SHOWN_LINES: usize = 20;
@@ -68,11 +80,15 @@ fn run(arguments: &Arguments) -> Result<()> {
     let common = &arguments.common;
     match &arguments.command {
         Command::Report(options) => write_report(options, common),
+        Command::Latency(options) => conclude(latency::run(options, common.quick)?, common),
+        Command::Alarm(options) => conclude(alarm::run(options, common.quick)?, common),
+        Command::Read(options) => conclude(read::run(options, common.quick)?, common),
+        Command::Write(options) => conclude(write::run(options, common.quick)?, common),
+        Command::Path(role) => role::play(role),
     }
 }
 
 /// Saves and prints what a subcommand has measured.
-#[expect(dead_code, reason = "no subcommand yet")]
 fn conclude(results: Results, common: &Common) -> Result<()> {
     let results = results.save(&common.results)?;
     print!("{}", report::of_one(&results));

@@ -44,14 +44,45 @@ impl Percentiles {
     }
 }
 
-/// An empty histogram of nanoseconds with three significant digits, for times of any length.
+/// The longest time that a histogram holds without growing, nanoseconds.
+const LONGEST_NS: u64 = 60_000_000_000;
+
+/// An empty histogram of nanoseconds with three significant digits. It has room for a minute, so that recording does
+/// not allocate; longer times make it grow (`record`) or count as a minute (`saturating_record`).
 #[expect(
     clippy::missing_panics_doc,
     clippy::expect_used,
-    reason = "three digits are always allowed"
+    reason = "such bounds and three digits are always allowed"
 )]
 pub fn times() -> Histogram<u64> {
-    Histogram::new(3).expect("three digits")
+    let mut times = Histogram::new_with_bounds(1, LONGEST_NS, 3).expect("allowed bounds");
+    times.auto(true);
+    times
+}
+
+/// Every time that was measured and how often: what one process tells another.
+pub type Counts = Vec<(u64, u64)>;
+
+/// The times of a histogram.
+pub fn counts(times: &Histogram<u64>) -> Counts {
+    let values = times.iter_recorded();
+    values
+        .map(|value| (value.value_iterated_to(), value.count_at_value()))
+        .collect()
+}
+
+/// The histogram of these times.
+pub fn times_of(counts: &Counts) -> Histogram<u64> {
+    let mut all = times();
+    add(&mut all, counts);
+    all
+}
+
+/// Adds times to a histogram.
+pub fn add(times: &mut Histogram<u64>, counts: &Counts) {
+    for &(time, count) in counts {
+        times.saturating_record_n(time, count);
+    }
 }
 
 /// A number of nanoseconds with three significant digits and a fitting unit.
@@ -106,5 +137,14 @@ mod tests {
             (1000, 500, 1000)
         );
         assert_eq!(percentiles.cells().len(), COLUMNS.len());
+    }
+
+    #[test]
+    fn times_survive_the_way_to_another_process() {
+        let mut all = times();
+        [3, 70, 70, 5_000_000_000]
+            .iter()
+            .for_each(|&time| all.record(time).unwrap());
+        assert_eq!(Percentiles::of(&times_of(&counts(&all))), Percentiles::of(&all));
     }
 }

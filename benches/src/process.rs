@@ -6,8 +6,11 @@
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, Lines};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, bail};
+use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 /// A running process of this program; killed when dropped.
@@ -54,6 +57,14 @@ impl Process {
     /// Its process number.
     pub fn id(&self) -> u32 {
         self.child.id()
+    }
+
+    /// Whether it has ended.
+    ///
+    /// # Errors
+    /// The system does not tell.
+    pub fn has_ended(&mut self) -> Result<bool> {
+        Ok(self.child.try_wait()?.is_some())
     }
 
     /// Its next line; waits for it.
@@ -117,4 +128,24 @@ pub fn wait_until_asked_to_end() {
     {
         line.clear();
     }
+}
+
+/// In a started process that has no time to wait: a flag that is set when the other side asks to end.
+pub fn asked_to_end() -> Arc<AtomicBool> {
+    let asked = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&asked);
+    std::thread::spawn(move || {
+        wait_until_asked_to_end();
+        flag.store(true, Ordering::Release);
+    });
+    asked
+}
+
+/// In a started process: tells the other side what it measured, as [`Process::said`] expects it.
+///
+/// # Errors
+/// It cannot be written as JSON.
+pub fn say(what: &impl Serialize) -> Result<()> {
+    println!("{}", serde_json::to_string(what)?);
+    Ok(())
 }

@@ -16,8 +16,8 @@ use super::schedule::{Agenda, Timing};
 use super::unit::{DiagnoserUnit, Unit};
 use crate::lifecycle::{LifecycleState, transition};
 
-/// Longest step that the step-time histogram tells apart: one second.
-const LONGEST_STEP_NS: u64 = 1_000_000_000;
+/// Longest time that the histograms tell apart: one second.
+const LONGEST_TIME_NS: u64 = 1_000_000_000;
 
 /// Takes records and alarm transitions as they come into being.
 pub trait RecordSink {
@@ -47,6 +47,7 @@ pub struct Engine {
     pub(super) units: Vec<Unit>,
     agenda: Agenda,
     pub(super) step_times_ns: Histogram<u64>,
+    pub(super) lateness_ns: Histogram<u64>,
     /// How many engines one after the other have taken over from each other.
     pub(super) generation: u64,
 }
@@ -77,7 +78,8 @@ impl Engine {
                 .map(|unit| Unit::new(unit, &inboxes))
                 .collect(),
             inboxes,
-            step_times_ns: step_time_histogram(),
+            step_times_ns: time_histogram(),
+            lateness_ns: time_histogram(),
             generation: 0,
         }
     }
@@ -110,13 +112,15 @@ impl Engine {
             unit.skip_what_cannot_be_caught_up(self.epoch_ns, self.catch_up_limit, now_ns);
             let begin_ns = clock_ns();
             let waited_ns = begin_ns.saturating_sub(turn_begin_ns);
-            let changes = unit.step(&mut self.inboxes, self.epoch_ns, now_ns + waited_ns);
+            let (lateness_ns, changes) = unit.step(&mut self.inboxes, self.epoch_ns, now_ns + waited_ns);
             let taken_ns = clock_ns().saturating_sub(begin_ns);
-            self.step_times_ns.saturating_record(taken_ns);
-            unit.counters.max_step_ns = unit.counters.max_step_ns.max(taken_ns);
+            // Before anything that nobody waits for.
             if !sink.publish(slot, &unit.record) {
                 unit.counters.records_dropped += 1;
             }
+            self.lateness_ns.saturating_record(lateness_ns);
+            self.step_times_ns.saturating_record(taken_ns);
+            unit.counters.max_step_ns = unit.counters.max_step_ns.max(taken_ns);
             for change in changes {
                 sink.alarm(&transition(slot, &unit.record, &change));
             }
@@ -202,11 +206,17 @@ impl Engine {
     pub fn step_times_ns(&self) -> &Histogram<u64> {
         &self.step_times_ns
     }
+
+    /// Distribution of the delays of all steps behind their due times (instant + margin), nanoseconds of the daemon's
+    /// time.
+    pub fn lateness_ns(&self) -> &Histogram<u64> {
+        &self.lateness_ns
+    }
 }
 
 /// A histogram of three digits with a fixed range, so that recording never allocates.
-fn step_time_histogram() -> Histogram<u64> {
-    match Histogram::new_with_bounds(1, LONGEST_STEP_NS, 3) {
+fn time_histogram() -> Histogram<u64> {
+    match Histogram::new_with_bounds(1, LONGEST_TIME_NS, 3) {
         Ok(histogram) => histogram,
         Err(error) => unreachable!("the bounds are constants within hdrhistogram's limits: {error}"),
     }

@@ -115,8 +115,8 @@ impl Unit {
         self.skipped += count;
     }
 
-    /// Does the step of the next instant and gives the changes of the alarm.
-    pub(super) fn step(&mut self, inboxes: &mut [Inbox], epoch_ns: u64, now_ns: u64) -> Changes {
+    /// Does the step of the next instant; gives its lateness, nanoseconds, and the changes of the alarm.
+    pub(super) fn step(&mut self, inboxes: &mut [Inbox], epoch_ns: u64, now_ns: u64) -> (u64, Changes) {
         let instant_ns = self.timing.instant_ns(epoch_ns, self.next_step);
         let lateness_ns = now_ns.saturating_sub(instant_ns + self.timing.margin_ns);
         let after_ns = instant_ns.saturating_sub(self.timing.period_ns);
@@ -154,6 +154,6 @@ impl Unit {
         self.counters.overruns += u64::from(overrun);
         self.counters.input_missing += u64::from(gathered.missing);
         self.counters.max_lateness_ns = self.counters.max_lateness_ns.max(lateness_ns);
-        changes
+        (lateness_ns, changes)
     }
 }
