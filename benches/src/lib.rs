@@ -21,3 +21,4 @@ pub mod processor;
 pub mod report;
 pub mod results;
 pub mod shared_words;
+pub mod steps;

@@ -9,6 +9,7 @@ use anyhow::{Context, Result};
 use clap::{Args, Parser, Subcommand};
 use residual_benches::report;
 use residual_benches::results::Results;
+use residual_benches::steps::{instructions, single};
 
 /// How fast a step is, how late a bound, how soon an alarm, how many diagnosers fit on a core.
 #[derive(Parser)]
@@ -35,6 +36,13 @@ struct Common {
 enum Command {
     /// Measures everything and writes REPORT.md with its charts.
     Report(ReportOptions),
+    /// Times single steps of every method in every mode.
+    Steps(single::Options),
+    /// Counts instructions and floating-point operations of steps.
+    Instructions(instructions::Options),
+    /// Steps one case; what `instructions` counts.
+    #[command(hide = true)]
+    StepCase(instructions::ChildOptions),
 }
 
 /// Arguments of `report`.
@@ -49,7 +57,7 @@ struct ReportOptions {
 }
 
 /// The subcommands of a report, in its order.
-const MEASUREMENTS: [&str; 0] = [];
+const MEASUREMENTS: [&str; 2] = ["steps", "instructions"];
 
 /// Lines of a failed measurement that the report shows.
 const SHOWN_LINES: usize = 20;
@@ -68,11 +76,13 @@ fn run(arguments: &Arguments) -> Result<()> {
     let common = &arguments.common;
     match &arguments.command {
         Command::Report(options) => write_report(options, common),
+        Command::Steps(options) => conclude(single::run(options, common.quick)?, common),
+        Command::Instructions(options) => conclude(instructions::run(options, common.quick)?, common),
+        Command::StepCase(options) => instructions::run_child(options),
     }
 }
 
 /// Saves and prints what a subcommand has measured.
-#[expect(dead_code, reason = "no subcommand yet")]
 fn conclude(results: Results, common: &Common) -> Result<()> {
     let results = results.save(&common.results)?;
     print!("{}", report::of_one(&results));
