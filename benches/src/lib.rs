@@ -12,6 +12,7 @@
 //! | [`processor`] | pinning to a core, real-time priority |
 //! | [`process`] | other processes of the program itself: publishers, daemons, readers |
 //! | [`report`] | all results as one Markdown file with charts |
+//! | [`steps`] | single steps of every method: time, instructions, floating-point operations |
 //! | [`shared_words`] | bare shared memory, the peer of the bounds table |
 
 pub mod machine;

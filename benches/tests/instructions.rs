@@ -6,7 +6,7 @@ use std::thread;
 use residual_benches::machine::said_by;
 use residual_benches::steps::instructions::callgrind::{self, Counted};
 use residual_benches::steps::instructions::table::{InstructionTable, STEPS, complaint, conditions};
-use residual_benches::steps::instructions::{WARM_UP_PERIODS, operations, peak};
+use residual_benches::steps::instructions::WARM_UP_PERIODS;
 
 /// One case of each method, and the whole ones of the filters with two gains.
 const CASES: [&str; 6] = [

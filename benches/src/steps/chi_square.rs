@@ -19,7 +19,7 @@ pub fn cases() -> Vec<Case> {
     let modes: [(&str, &str); 5] = [
         ("all", ""),
         ("likelihood ratio M=40", "[statistics]\nenabled = [\"glr\", \"cusum\"]\n[glr]\nwindow_steps = 40"),
-        ("window bank", "[statistics]\nenabled = [\"state_window\"]\ndecision = [\"state_window\"]"),
+        ("window bank", "[statistics]\nenabled = [\"state_window\"]\ndecision = [\"state_window\"]\n[threshold]\nmode = \"per_instant\""),
         (
             "two propagators",
             "[statistics]\nenabled = [\"state_two_propagator\"]\ndecision = [\"state_two_propagator\"]\n\

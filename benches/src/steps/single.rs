@@ -37,7 +37,7 @@ pub fn run(options: &Options, quick: bool) -> Result<Results> {
                  samples of an instant to the finished record. Every step is timed by itself, the cost of reading the \
                  clock included.";
     let mut results = Results::begin("steps", "Steps", about, quick);
-    results.notes.push(format!("Reading the clock twice with nothing in between: {}.", clock()));
+    results.notes.push(format!("Reading the clock twice with nothing in between: {}.", clock()?));
     let time_each = Duration::from_millis(if quick { 60 } else { 400 });
     let mut measured = Vec::new();
     for case in cases().into_iter().filter(|case| case.name().contains(&options.only)) {
@@ -72,20 +72,24 @@ pub fn measure(case: &Case, time: Duration) -> Result<Histogram<u64>> {
             stepper.prepare();
             let before = Instant::now();
             stepper.step();
-            all.saturating_record(before.elapsed().as_nanos() as u64);
+            all.record(before.elapsed().as_nanos() as u64)?;
         }
     }
     Ok(all)
 }
 
-fn clock() -> String {
+fn clock() -> Result<String> {
     let mut all = times();
     for _ in 0..100_000 {
         let before = Instant::now();
-        all.saturating_record(before.elapsed().as_nanos() as u64);
+        all.record(before.elapsed().as_nanos() as u64)?;
     }
     let times = Percentiles::of(&all);
-    format!("{} (p50), {} (p99)", duration(times.p50 as f64), duration(times.p99 as f64))
+    Ok(format!(
+        "{} (p50), {} (p99)",
+        duration(times.p50 as f64),
+        duration(times.p99 as f64)
+    ))
 }
 
 fn tables(results: &mut Results, measured: &[Measured]) {

@@ -26,6 +26,8 @@ pub struct Counted {
     pub instructions: u64,
     /// How often each instruction was executed, if asked for.
     pub executions: HashMap<Place, u64>,
+    /// Instructions of each function, without those of the functions that it calls; the dearest first.
+    pub functions: Vec<(String, u64)>,
     /// What the child said of itself.
     pub child: Child,
 }
@@ -60,10 +62,12 @@ pub fn count(program: &Path, case: &str, warm_up: usize, steps: usize, with_plac
     }
     let child = serde_json::from_str(&said).with_context(|| format!("the child said: {said}"))?;
     let text = std::fs::read_to_string(&profile).with_context(|| format!("{} cannot be read", profile.display()))?;
+    let lines = costs(&text);
     let counted = Counted {
         steps: steps as u64,
         instructions: total(&text)?,
-        executions: if with_places { executions(&text) } else { HashMap::new() },
+        executions: if with_places { executions(&lines) } else { HashMap::new() },
+        functions: functions(&lines),
         child,
     };
     anyhow::ensure!(counted.instructions > 0, "callgrind has seen no step of \"{case}\"");
@@ -90,27 +94,61 @@ fn total(profile: &str) -> Result<u64> {
     Ok(total.trim().parse()?)
 }
 
-/// Lines `0xADDRESS LINE COUNT` below the object that they belong to. The line behind `calls=` is the inclusive cost of
-/// a call, which is counted in the callee already.
-fn executions(profile: &str) -> HashMap<Place, u64> {
-    let mut all = HashMap::new();
-    let mut object = String::new();
+/// A line `[0xADDRESS] LINE COUNT` of a profile, with the object and the function that it stands below.
+struct Cost<'a> {
+    object: &'a str,
+    function: &'a str,
+    address: Option<u64>,
+    count: u64,
+}
+
+/// The costs of a profile. The line behind `calls=` is the inclusive cost of a call, which is counted in the callee already.
+fn costs(profile: &str) -> Vec<Cost<'_>> {
+    let (mut object, mut function) = ("", "");
     let mut is_call = false;
+    let mut all = Vec::new();
     for line in profile.lines() {
         if let Some(name) = line.strip_prefix("ob=") {
-            name.clone_into(&mut object);
+            object = name;
+        } else if let Some(name) = line.strip_prefix("fn=") {
+            function = name;
         } else if line.starts_with("calls=") {
             is_call = true;
-        } else if let Some(cost) = line.strip_prefix("0x") {
-            let mut fields = cost.split(' ');
-            let address = fields.next().and_then(|address| u64::from_str_radix(address, 16).ok());
-            let count = fields.nth(1).and_then(|count| count.parse::<u64>().ok());
-            if let (false, Some(address), Some(count)) = (is_call, address, count) {
-                *all.entry((object.clone(), address)).or_default() += count;
+        } else if line.starts_with(|first: char| first.is_ascii_digit()) {
+            let mut fields = line.split(' ');
+            let count = fields.next_back().and_then(|count| count.parse().ok());
+            let address = fields.next().and_then(|first| first.strip_prefix("0x"));
+            if let (false, Some(count)) = (is_call, count) {
+                all.push(Cost {
+                    object,
+                    function,
+                    address: address.and_then(|address| u64::from_str_radix(address, 16).ok()),
+                    count,
+                });
             }
             is_call = false;
         }
     }
+    all
+}
+
+fn executions(costs: &[Cost<'_>]) -> HashMap<Place, u64> {
+    let mut all = HashMap::new();
+    for cost in costs {
+        if let Some(address) = cost.address {
+            *all.entry((cost.object.to_owned(), address)).or_default() += cost.count;
+        }
+    }
+    all
+}
+
+fn functions(costs: &[Cost<'_>]) -> Vec<(String, u64)> {
+    let mut all: HashMap<&str, u64> = HashMap::new();
+    for cost in costs {
+        *all.entry(cost.function).or_default() += cost.count;
+    }
+    let mut all: Vec<(String, u64)> = all.into_iter().map(|(name, count)| (name.to_owned(), count)).collect();
+    all.sort_by(|a, b| b.1.cmp(&a.1).then_with(|| a.0.cmp(&b.0)));
     all
 }
 
@@ -125,8 +163,10 @@ totals: 832\n";
 
     #[test]
     fn inclusive_costs_of_calls_are_not_counted_twice() {
-        let executions = executions(PROFILE);
+        let costs = costs(PROFILE);
+        let executions = executions(&costs);
         assert_eq!(executions.values().sum::<u64>(), total(PROFILE).unwrap());
+        assert_eq!(functions(&costs), [("exp".to_owned(), 640), ("counted_step".to_owned(), 192)]);
         assert_eq!(executions[&("/program".to_owned(), 0x14)], 64);
         assert_eq!(executions[&("/lib/libm.so".to_owned(), 0x24)], 320);
     }

@@ -5,6 +5,7 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 use clap::Args;
 
+use super::callgrind::Counted;
 use super::operations::{Disassembly, Kind, Operations};
 use super::peak::{Peak, peaks};
 use super::table::STEPS;
@@ -48,6 +49,10 @@ pub fn run(options: &Options, quick: bool) -> Result<Results> {
     let program = std::env::current_exe().context("this program's own path")?;
     let mut disassembly = Disassembly::default();
     let mut counts = Table::new("Instructions of a step", &COLUMNS);
+    let mut dearest = Table::new(
+        "Where the instructions are: the three dearest functions of each case, what they call left out",
+        &["case", "first", "second", "third"],
+    );
     let mut features = String::new();
     for case in cases().iter().filter(|case| case.name().contains(&options.only)) {
         if options.only.is_empty() && !is_counted(case, quick) {
@@ -59,6 +64,7 @@ pub fn run(options: &Options, quick: bool) -> Result<Results> {
         let time = Duration::from_millis(if quick { 50 } else { 200 });
         let p50_ns = Percentiles::of(&single::measure(case, time)?).p50;
         counts.row(row(case, counted.per_step(), &operations, p50_ns, &peaks)?);
+        dearest.row(std::iter::once(case.name()).chain(shares(&counted)));
         features = counted.child.features;
     }
     results.notes.push(format!(
@@ -66,6 +72,7 @@ pub fn run(options: &Options, quick: bool) -> Result<Results> {
          recording, {STEPS} steps; the same in every run. Callgrind's client gungraun would need a runner installed apart."
     ));
     results.tables.push(counts);
+    results.tables.push(dearest);
     Ok(results)
 }
 
@@ -126,6 +133,28 @@ fn row(case: &Case, instructions: f64, operations: &Operations, p50_ns: u64, pea
         significant(instructions / p50_ns as f64),
         fraction.map_or(String::new(), |fraction| format!("{} %", significant(100.0 * fraction))),
     ])
+}
+
+/// The three dearest functions and their parts.
+fn shares(counted: &Counted) -> Vec<String> {
+    let share = |(name, count): &(String, u64)| {
+        let part = 100.0 * *count as f64 / counted.instructions as f64;
+        format!("{} {} %", short(name), significant(part))
+    };
+    let mut shares: Vec<String> = counted.functions.iter().take(3).map(share).collect();
+    shares.resize(3, String::new());
+    shares
+}
+
+/// Type and name of a function without the modules above; as it is, where it has parameters of types.
+fn short(function: &str) -> &str {
+    if function.contains(['<', '{']) {
+        return function.trim_start_matches("residual_diagnosis::");
+    }
+    match function.rmatch_indices("::").nth(1) {
+        Some((place, separator)) => &function[place + separator.len()..],
+        None => function,
+    }
 }
 
 /// How long these operations take at the peak rate of their classes, nanoseconds.
