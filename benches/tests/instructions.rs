@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 use std::thread;
 
 use residual_benches::machine::said_by;
+use residual_benches::steps::instructions::WARM_UP_PERIODS;
 use residual_benches::steps::instructions::callgrind::{self, Counted};
 use residual_benches::steps::instructions::table::{InstructionTable, STEPS, complaint, conditions};
-use residual_benches::steps::instructions::WARM_UP_PERIODS;
 
 /// One case of each method, and the whole ones of the filters with two gains.
 const CASES: [&str; 6] = [
@@ -42,7 +42,11 @@ fn a_step_takes_as_many_instructions_as_the_table_says() {
     });
     let now = InstructionTable {
         conditions: conditions(&said_by("rustc", "--version"), &counted[0]),
-        counts: counted.iter().zip(CASES).map(|(counted, case)| (counted.instructions, case.to_owned())).collect(),
+        counts: counted
+            .iter()
+            .zip(CASES)
+            .map(|(counted, case)| (counted.instructions, case.to_owned()))
+            .collect(),
     };
     if std::env::var_os("RENEW_INSTRUCTION_COUNTS").is_some() {
         std::fs::write(table_path(), now.text()).unwrap();
@@ -50,10 +54,16 @@ fn a_step_takes_as_many_instructions_as_the_table_says() {
     }
     let table = InstructionTable::parse(&std::fs::read_to_string(table_path()).unwrap());
     if table.conditions != now.conditions {
-        println!("skipped: the table is of {:?}, this is {:?}", table.conditions, now.conditions);
+        println!(
+            "skipped: the table is of {:?}, this is {:?}",
+            table.conditions, now.conditions
+        );
         return;
     }
-    let complaints = now.counts.iter().filter_map(|(count, case)| complaint(case, table.count_of(case), *count));
+    let complaints = now
+        .counts
+        .iter()
+        .filter_map(|(count, case)| complaint(case, table.count_of(case), *count));
     let complaints: Vec<String> = complaints.collect();
     assert!(complaints.is_empty(), "\n{}", complaints.join("\n"));
 }

@@ -26,7 +26,11 @@ pub fn cases() -> Vec<Case> {
         ("sequential, one instant", "", synchronous),
         ("square root", "form = \"sequential_square_root\"", asynchronous),
         ("roll-back of 2", "rollback_steps = 2", asynchronous),
-        ("batch", "form = \"batch_unobserved\"\n[amplitude]\nmixing = \"all\"", asynchronous),
+        (
+            "batch",
+            "form = \"batch_unobserved\"\n[amplitude]\nmixing = \"all\"",
+            asynchronous,
+        ),
     ];
     let case = |(mode, options, plant): (&'static str, &str, fn(usize) -> Result<Watched>), states| Case {
         method: "async_imm",
@@ -64,20 +68,33 @@ fn watched(n: usize, before_ms: [u64; SENSORS]) -> Result<Watched> {
         ("B".to_owned(), rows(&b)),
         ("G".to_owned(), rows(&b)),
         ("F".to_owned(), rows(&b)),
-        ("process_noise_psd".to_owned(), rows(&(DMatrix::identity(2, 2) * 0.01))),
+        (
+            "process_noise_psd".to_owned(),
+            rows(&(DMatrix::identity(2, 2) * 0.01)),
+        ),
     ]);
     let sensors = sensors.iter().enumerate().map(|(number, matrix)| {
         Value::Table(Table::from_iter([
             ("name".to_owned(), Value::String(format!("sensor {}", number + 1))),
             ("measurement_matrix".to_owned(), rows(matrix)),
-            ("noise_covariance".to_owned(), rows(&(DMatrix::identity(ROWS, ROWS) * (NOISE * NOISE)))),
+            (
+                "noise_covariance".to_owned(),
+                rows(&(DMatrix::identity(ROWS, ROWS) * (NOISE * NOISE))),
+            ),
         ]))
     });
-    let modes = [("normal", [0.0, 0.0]), ("actuator 1", [1.0, 0.0]), ("actuator 2", [0.0, 1.0])];
+    let modes = [
+        ("normal", [0.0, 0.0]),
+        ("actuator 1", [1.0, 0.0]),
+        ("actuator 2", [0.0, 1.0]),
+    ];
     let modes = modes.map(|(name, direction)| {
         Value::Table(Table::from_iter([
             ("name".to_owned(), Value::String(name.to_owned())),
-            ("direction".to_owned(), rows(&DMatrix::from_column_slice(2, 1, &direction))),
+            (
+                "direction".to_owned(),
+                rows(&DMatrix::from_column_slice(2, 1, &direction)),
+            ),
         ]))
     });
     let mut tables: Table = "[amplitude]\nprior_standard_deviation = [2.0]\n\
@@ -139,7 +156,10 @@ fn record(
             values: command.column(k).iter().copied().collect(),
         });
         let sample = &mut recording.instants[k];
-        sample.measurements = packets[..SENSORS].iter().flat_map(|packet| packet.values.clone()).collect();
+        sample.measurements = packets[..SENSORS]
+            .iter()
+            .flat_map(|packet| packet.values.clone())
+            .collect();
         sample.packets = packets;
     }
     recording

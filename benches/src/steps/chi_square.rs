@@ -18,14 +18,23 @@ const THRESHOLDS: &str = "[threshold]\nglr = 1e3\ncusum = 1e3\nbank = 1e3\n";
 pub fn cases() -> Vec<Case> {
     let modes: [(&str, &str); 5] = [
         ("all", ""),
-        ("likelihood ratio M=40", "[statistics]\nenabled = [\"glr\", \"cusum\"]\n[glr]\nwindow_steps = 40"),
-        ("window bank", "[statistics]\nenabled = [\"state_window\"]\ndecision = [\"state_window\"]\n[threshold]\nmode = \"per_instant\""),
+        (
+            "likelihood ratio M=40",
+            "[statistics]\nenabled = [\"glr\", \"cusum\"]\n[glr]\nwindow_steps = 40",
+        ),
+        (
+            "window bank",
+            "[statistics]\nenabled = [\"state_window\"]\ndecision = [\"state_window\"]\n[threshold]\nmode = \"per_instant\"",
+        ),
         (
             "two propagators",
             "[statistics]\nenabled = [\"state_two_propagator\"]\ndecision = [\"state_two_propagator\"]\n\
              [threshold]\nmode = \"per_instant\"",
         ),
-        ("residual", "[statistics]\nenabled = [\"residual\"]\ndecision = [\"residual\"]\n[threshold]\nmode = \"per_instant\""),
+        (
+            "residual",
+            "[statistics]\nenabled = [\"residual\"]\ndecision = [\"residual\"]\n[threshold]\nmode = \"per_instant\"",
+        ),
     ];
     let case = |mode, states, plant, options: &str| Case {
         method: "chi_square",
@@ -40,7 +49,10 @@ pub fn cases() -> Vec<Case> {
     let of_states = |states| {
         let constant = modes.map(|(mode, options)| case(mode, states, constant as _, options));
         // Two models in turn: nothing becomes steady, every step is the full recursion.
-        let changing = [("all, changing models", modes[0].1), ("likelihood ratio M=40, changing models", modes[1].1)];
+        let changing = [
+            ("all, changing models", modes[0].1),
+            ("likelihood ratio M=40, changing models", modes[1].1),
+        ];
         let changing = changing.map(|(mode, options)| case(mode, states, selected as _, options));
         constant.into_iter().chain(changing)
     };
@@ -73,7 +85,10 @@ fn parts(n: usize) -> Parts {
         ("transition".to_owned(), rows(&plant.a)),
         ("input".to_owned(), rows(&plant.b)),
         ("process_noise_input".to_owned(), rows(&plant.d)),
-        ("process_noise_covariance".to_owned(), rows(&(DMatrix::identity(n, n) * 0.01))),
+        (
+            "process_noise_covariance".to_owned(),
+            rows(&(DMatrix::identity(n, n) * 0.01)),
+        ),
         ("measurement".to_owned(), rows(&plant.c)),
         (
             "measurement_noise_covariance".to_owned(),
@@ -105,7 +120,9 @@ fn selected(n: usize) -> Result<Watched> {
     for (k, sample) in parts.recording.instants.iter_mut().enumerate() {
         sample.commands.push((k / 8 % 2) as f64);
     }
-    parts.start.insert("schedule".to_owned(), Value::String("selected".to_owned()));
+    parts
+        .start
+        .insert("schedule".to_owned(), Value::String("selected".to_owned()));
     let models = vec![Value::Table(parts.matrices.clone()), Value::Table(parts.matrices)];
     let mut tables: Table = THRESHOLDS.parse()?;
     tables.insert("model".to_owned(), Value::Table(parts.start));

@@ -61,7 +61,11 @@ pub fn all_five(results: &mut Results, quick: bool) -> Result<()> {
     let mut total_ns = 0;
     for scenario in SCENARIOS.iter().filter(|scenario| scenario.in_all) {
         for expectation in scenario.expectations {
-            let times = Percentiles::of(&of_scenario(scenario, expectation.diagnoser, if quick { 5 } else { 30 })?);
+            let times = Percentiles::of(&of_scenario(
+                scenario,
+                expectation.diagnoser,
+                if quick { 5 } else { 30 },
+            )?);
             table.percentiles([scenario.method, expectation.diagnoser], &times);
             total_ns += times.p50;
         }
@@ -72,23 +76,38 @@ pub fn all_five(results: &mut Results, quick: bool) -> Result<()> {
     let mut table = Table::of_percentiles(title, &["case", "states"]);
     for states in [4, 6] {
         let mut total_ns = 0;
-        for case in cases().iter().filter(|case| case.is_default && case.states == states) {
+        for case in cases()
+            .iter()
+            .filter(|case| case.is_default && case.states == states)
+        {
             let times = Percentiles::of(&of_case(case, if quick { 40 } else { 400 })?);
             table.percentiles([case.name(), states.to_string()], &times);
             total_ns += times.p50;
         }
-        total(results, &mut table, &format!("plants with {states} states"), total_ns);
+        total(
+            results,
+            &mut table,
+            &format!("plants with {states} states"),
+            total_ns,
+        );
     }
     results.tables.push(table);
     Ok(())
 }
 
 fn total(results: &mut Results, table: &mut Table, plants: &str, total_ns: u64) {
-    let mut row = vec!["all five".to_owned(), plants.to_owned(), String::new(), duration(total_ns as f64)];
+    let mut row = vec![
+        "all five".to_owned(),
+        plants.to_owned(),
+        String::new(),
+        duration(total_ns as f64),
+    ];
     row.resize(table.columns.len(), String::new());
     table.row(row);
     let what = format!("one step of all five diagnosers in the engine, {plants}: sum of the p50");
-    results.findings.push(Finding::at_most(what, total_ns as f64 / 1e3, 10.0, "µs"));
+    results
+        .findings
+        .push(Finding::at_most(what, total_ns as f64 / 1e3, 10.0, "µs"));
 }
 
 /// Step times of one diagnoser of a scenario, alone in its engine; the first run warms up and does not count.
@@ -129,9 +148,16 @@ fn of_case(case: &Case, repetitions: usize) -> Result<Histogram<u64>> {
     let text = toml::to_string(&configuration(case, &watched)?)?;
     let loaded = Configuration::from_text("case.toml", &text).with_context(|| case.name())?;
     let built = loaded.build_diagnosers().with_context(|| case.name())?;
-    let built = built.into_iter().next().context("a configuration without diagnoser")?;
+    let built = built
+        .into_iter()
+        .next()
+        .context("a configuration without diagnoser")?;
     let recording = &watched.recording;
-    let samples = recording.instants.iter().cycle().take(repetitions * recording.instants.len());
+    let samples = recording
+        .instants
+        .iter()
+        .cycle()
+        .take(repetitions * recording.instants.len());
     let arrivals = samples.enumerate().flat_map(|(k, sample)| {
         let now_ns = (1 + k as u64) * recording.period_ns;
         arrivals(sample, now_ns)
@@ -149,7 +175,12 @@ fn step_times(
 ) -> Histogram<u64> {
     let mut engine = assemble(configuration, vec![built], EPOCH_NS, 1.0);
     let mut sequences = vec![0; configuration.inputs.len()];
-    for Arrival { time_ns, input, elements } in arrivals {
+    for Arrival {
+        time_ns,
+        input,
+        elements,
+    } in arrivals
+    {
         let now_ns = EPOCH_NS + time_ns;
         while let Some(due_ns) = engine.next_due_ns().filter(|&due_ns| due_ns < now_ns) {
             engine.step_due(due_ns, monotonic_ns, &mut Discard);
@@ -191,7 +222,10 @@ fn arrivals(sample: &Sample, now_ns: u64) -> Vec<Arrival> {
 
 /// Rows of every sensor; one sensor with all rows where there are no packets.
 fn sensor_rows(sample: &Sample) -> Vec<usize> {
-    let sensors = sample.packets.iter().filter(|packet| packet.source != PacketSource::Commands);
+    let sensors = sample
+        .packets
+        .iter()
+        .filter(|packet| packet.source != PacketSource::Commands);
     let rows: Vec<usize> = sensors.map(|packet| packet.values.len()).collect();
     if rows.is_empty() {
         vec![sample.measurements.len()]
@@ -206,8 +240,12 @@ fn configuration(case: &Case, watched: &Watched) -> Result<Toml> {
     let text = |text: String| Value::String(text);
     let mut inputs = Vec::new();
     let mut input = |name: String, signals: usize| {
-        let names: Vec<Value> = (0..signals).map(|signal| text(format!("signal_{signal}"))).collect();
-        let references = (0..signals).map(|signal| text(format!("{name}.signal_{signal}"))).collect();
+        let names: Vec<Value> = (0..signals)
+            .map(|signal| text(format!("signal_{signal}")))
+            .collect();
+        let references = (0..signals)
+            .map(|signal| text(format!("{name}.signal_{signal}")))
+            .collect();
         inputs.push(Value::Table(Toml::from_iter([
             ("name".to_owned(), text(name)),
             ("signals".to_owned(), Value::Array(names)),
@@ -236,7 +274,10 @@ fn configuration(case: &Case, watched: &Watched) -> Result<Toml> {
     Ok(Toml::from_iter([
         ("daemon".to_owned(), Value::Table(daemon)),
         ("input".to_owned(), Value::Array(inputs)),
-        ("diagnoser".to_owned(), Value::Array(vec![Value::Table(diagnoser)])),
+        (
+            "diagnoser".to_owned(),
+            Value::Array(vec![Value::Table(diagnoser)]),
+        ),
     ]))
 }
 

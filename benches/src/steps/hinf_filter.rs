@@ -21,12 +21,18 @@ pub fn cases() -> Vec<Case> {
     let modes = [
         ("riccati", ""),
         ("cumulative", "[evaluation]\nwindow = \"cumulative\""),
-        ("continuous", "[synthesis]\ntype = \"riccati_ct\"\n[evaluation]\ninclude_current = false"),
+        (
+            "continuous",
+            "[synthesis]\ntype = \"riccati_ct\"\n[evaluation]\ninclude_current = false",
+        ),
         (
             "zero-order hold",
             "[synthesis]\ntype = \"riccati_ct\"\n[filter]\nrealisation = \"filter_zoh\"",
         ),
-        ("bank of 3", "[isolation]\nblind_sets = [[\"f1\"], [\"f2\"]]\nfault_bound = [1.0, 1.0]"),
+        (
+            "bank of 3",
+            "[isolation]\nblind_sets = [[\"f1\"], [\"f2\"]]\nfault_bound = [1.0, 1.0]",
+        ),
     ];
     let case = |(mode, options): (&'static str, &str), states, plant| Case {
         method: "hinf_filter",
@@ -40,7 +46,9 @@ pub fn cases() -> Vec<Case> {
     };
     let of_states = |states| {
         let alone = modes.map(|mode| case(mode, states, alone as _));
-        alone.into_iter().chain([case(("2 listed models", ""), states, listed)])
+        alone
+            .into_iter()
+            .chain([case(("2 listed models", ""), states, listed)])
     };
     STATES.into_iter().flat_map(of_states).collect()
 }
@@ -90,9 +98,9 @@ fn watched(n: usize, factors: &[f64]) -> Result<Watched> {
         ("Bf".to_owned(), rows(&bf)),
         ("Df".to_owned(), rows(&df)),
     ]);
-    let others = factors.iter().map(|&factor| {
-        Value::Table(Table::from_iter([("A".to_owned(), rows(&(&a * factor)))]))
-    });
+    let others = factors
+        .iter()
+        .map(|&factor| Value::Table(Table::from_iter([("A".to_owned(), rows(&(&a * factor)))])));
     model.insert("listed_models".to_owned(), Value::Array(others.collect()));
     let disturbance = [("amplitude".to_owned(), list(vec![AMPLITUDE; 1 + outputs]))];
     let filter = [
@@ -102,7 +110,10 @@ fn watched(n: usize, factors: &[f64]) -> Result<Watched> {
     Ok(Watched {
         tables: Table::from_iter([
             ("model".to_owned(), Value::Table(model)),
-            ("disturbance".to_owned(), Value::Table(Table::from_iter(disturbance))),
+            (
+                "disturbance".to_owned(),
+                Value::Table(Table::from_iter(disturbance)),
+            ),
             ("filter".to_owned(), Value::Table(Table::from_iter(filter))),
         ]),
         recording: Recording::new(PERIOD_NS, &run.outputs, &drive.commands),

@@ -53,9 +53,10 @@ impl Recording {
 
 /// A matrix as a list of rows.
 pub fn rows(matrix: &DMatrix<f64>) -> Value {
-    let row = |row: nalgebra::MatrixView<'_, f64, nalgebra::U1, nalgebra::Dyn, nalgebra::U1, nalgebra::Dyn>| {
-        list(row.iter().copied())
-    };
+    let row =
+        |row: nalgebra::MatrixView<'_, f64, nalgebra::U1, nalgebra::Dyn, nalgebra::U1, nalgebra::Dyn>| {
+            list(row.iter().copied())
+        };
     Value::Array(matrix.row_iter().map(row).collect())
 }
 

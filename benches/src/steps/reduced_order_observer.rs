@@ -15,14 +15,23 @@ use super::{Case, STATES, Watched};
 /// All cases.
 pub fn cases() -> Vec<Case> {
     let modes = [
-        ("joint with bank", "[isolation]\npoles = [0.5]\nfault_bound = [10.0]"),
+        (
+            "joint with bank",
+            "[isolation]\npoles = [0.5]\nfault_bound = [10.0]",
+        ),
         ("joint", "[isolation]\nenabled = false\nfault_estimate = false"),
         (
             "joint from the prior box",
             "[bounds]\ninitialisation = \"prior_box\"\n[isolation]\nenabled = false\nfault_estimate = false",
         ),
-        ("paper", "[bounds]\nmode = \"paper\"\n[isolation]\nenabled = false\nfault_estimate = false"),
-        ("interval", "[bounds]\nmode = \"tiom\"\n[isolation]\nenabled = false\nfault_estimate = false"),
+        (
+            "paper",
+            "[bounds]\nmode = \"paper\"\n[isolation]\nenabled = false\nfault_estimate = false",
+        ),
+        (
+            "interval",
+            "[bounds]\nmode = \"tiom\"\n[isolation]\nenabled = false\nfault_estimate = false",
+        ),
     ];
     let case = |(mode, options): (&'static str, &str), states| Case {
         method: "reduced_order_observer",

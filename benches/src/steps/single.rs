@@ -37,10 +37,16 @@ pub fn run(options: &Options, quick: bool) -> Result<Results> {
                  samples of an instant to the finished record. Every step is timed by itself, the cost of reading the \
                  clock included.";
     let mut results = Results::begin("steps", "Steps", about, quick);
-    results.notes.push(format!("Reading the clock twice with nothing in between: {}.", clock()?));
+    results.notes.push(format!(
+        "Reading the clock twice with nothing in between: {}.",
+        clock()?
+    ));
     let time_each = Duration::from_millis(if quick { 60 } else { 400 });
     let mut measured = Vec::new();
-    for case in cases().into_iter().filter(|case| case.name().contains(&options.only)) {
+    for case in cases()
+        .into_iter()
+        .filter(|case| case.name().contains(&options.only))
+    {
         let times = Percentiles::of(&measure(&case, time_each)?);
         measured.push(Measured { case, times });
     }
@@ -110,7 +116,11 @@ fn charts(results: &mut Results, measured: &[Measured]) {
         let method = of_method[0].case.method;
         let tenfold = |case: &Case| case.generators.is_none_or(|order| order == 10 * case.states);
         let here = of_method.iter().filter(|measured| tenfold(&measured.case));
-        let with = if method == "unknown_input_filter" { ", 10 generators a state" } else { "" };
+        let with = if method == "unknown_input_filter" {
+            ", 10 generators a state"
+        } else {
+            ""
+        };
         results.charts.push(Chart {
             file: format!("steps_{method}"),
             title: format!("Step of {method}{with}"),

@@ -24,11 +24,15 @@ const ORDERS: [usize; 4] = [5, 10, 15, 20];
 
 /// All cases.
 pub fn cases() -> Vec<Case> {
-    let coupled = |gain, outward| format!("form = \"coupled\"\ngain = \"{gain}\"\noutward_rounding = {outward}");
+    let coupled =
+        |gain, outward| format!("form = \"coupled\"\ngain = \"{gain}\"\noutward_rounding = {outward}");
     let modes = [
         ("row_wise", coupled("row_wise", true)),
         ("row_wise inward", coupled("row_wise", false)),
-        ("row_wise 2 sweeps", format!("{}\ngain_sweeps = 2", coupled("row_wise", true))),
+        (
+            "row_wise 2 sweeps",
+            format!("{}\ngain_sweeps = 2", coupled("row_wise", true)),
+        ),
         ("fixed", coupled("fixed", true)),
         ("fixed inward", coupled("fixed", false)),
         ("frobenius", coupled("frobenius", true)),
@@ -57,7 +61,12 @@ pub fn cases() -> Vec<Case> {
         cases.push(case("kalman_3sigma", n, one_actuator, kalman));
         cases.push(Case {
             is_default: true,
-            ..case("bank of 3", n, two_actuators, "[parity]\nlengths = []\n".to_owned())
+            ..case(
+                "bank of 3",
+                n,
+                two_actuators,
+                "[parity]\nlengths = []\n".to_owned(),
+            )
         });
     }
     cases

@@ -54,23 +54,34 @@ pub fn count(program: &Path, case: &str, warm_up: usize, steps: usize, with_plac
     command.arg(option("--callgrind-out-file=", &profile));
     command.arg(program).args(["step-case", case]);
     command.args([warm_up.to_string(), steps.to_string()]);
-    let output = command.stdin(Stdio::null()).output().context("valgrind does not start")?;
+    let output = command
+        .stdin(Stdio::null())
+        .output()
+        .context("valgrind does not start")?;
     let said = String::from_utf8_lossy(&output.stdout);
     if !output.status.success() {
         let errors = String::from_utf8_lossy(&output.stderr);
         bail!("valgrind ended with {}: {errors}", output.status);
     }
     let child = serde_json::from_str(&said).with_context(|| format!("the child said: {said}"))?;
-    let text = std::fs::read_to_string(&profile).with_context(|| format!("{} cannot be read", profile.display()))?;
+    let text =
+        std::fs::read_to_string(&profile).with_context(|| format!("{} cannot be read", profile.display()))?;
     let lines = costs(&text);
     let counted = Counted {
         steps: steps as u64,
         instructions: total(&text)?,
-        executions: if with_places { executions(&lines) } else { HashMap::new() },
+        executions: if with_places {
+            executions(&lines)
+        } else {
+            HashMap::new()
+        },
         functions: functions(&lines),
         child,
     };
-    anyhow::ensure!(counted.instructions > 0, "callgrind has seen no step of \"{case}\"");
+    anyhow::ensure!(
+        counted.instructions > 0,
+        "callgrind has seen no step of \"{case}\""
+    );
     Ok(counted)
 }
 
@@ -89,7 +100,10 @@ fn option(name: &str, path: &Path) -> PathBuf {
 
 /// The sum over all functions.
 fn total(profile: &str) -> Result<u64> {
-    let line = profile.lines().rev().find_map(|line| line.strip_prefix("totals: "));
+    let line = profile
+        .lines()
+        .rev()
+        .find_map(|line| line.strip_prefix("totals: "));
     let total = line.context("a profile without totals")?;
     Ok(total.trim().parse()?)
 }
@@ -147,7 +161,10 @@ fn functions(costs: &[Cost<'_>]) -> Vec<(String, u64)> {
     for cost in costs {
         *all.entry(cost.function).or_default() += cost.count;
     }
-    let mut all: Vec<(String, u64)> = all.into_iter().map(|(name, count)| (name.to_owned(), count)).collect();
+    let mut all: Vec<(String, u64)> = all
+        .into_iter()
+        .map(|(name, count)| (name.to_owned(), count))
+        .collect();
     all.sort_by(|a, b| b.1.cmp(&a.1).then_with(|| a.0.cmp(&b.0)));
     all
 }
@@ -166,7 +183,10 @@ totals: 832\n";
         let costs = costs(PROFILE);
         let executions = executions(&costs);
         assert_eq!(executions.values().sum::<u64>(), total(PROFILE).unwrap());
-        assert_eq!(functions(&costs), [("exp".to_owned(), 640), ("counted_step".to_owned(), 192)]);
+        assert_eq!(
+            functions(&costs),
+            [("exp".to_owned(), 640), ("counted_step".to_owned(), 192)]
+        );
         assert_eq!(executions[&("/program".to_owned(), 0x14)], 64);
         assert_eq!(executions[&("/lib/libm.so".to_owned(), 0x24)], 320);
     }

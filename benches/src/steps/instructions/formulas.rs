@@ -15,7 +15,11 @@ use super::super::{Case, Watched};
 /// Operations by the formula of the case; `None` where its source states none.
 pub fn operations(case: &Case, watched: &Watched) -> Option<f64> {
     let sample = watched.recording.instants.first()?;
-    let (n, m, p) = (case.states as f64, sample.commands.len() as f64, sample.measurements.len() as f64);
+    let (n, m, p) = (
+        case.states as f64,
+        sample.commands.len() as f64,
+        sample.measurements.len() as f64,
+    );
     match case.method {
         "unknown_input_filter" => filter(case.mode, n, p, case.generators? as f64),
         "reduced_order_observer" => observer(case.mode, n, m, p),
@@ -64,7 +68,8 @@ fn chi_square(mode: &str, n: f64, p: f64) -> Option<f64> {
     let sums = 6.0 * p;
     let (test, windows) = (2.0 * n * n, 1.0 + 3.0 + 9.0 + 27.0);
     let bank = 4.0 * test + 2.0 * n * n * windows;
-    let full_filter = n.powi(3) + 4.0 * n.powi(3) - 2.0 / 3.0 * n.powi(3) + p * n * n + 4.0 / 3.0 * (n + p).powi(3);
+    let full_filter =
+        n.powi(3) + 4.0 * n.powi(3) - 2.0 / 3.0 * n.powi(3) + p * n * n + 4.0 / 3.0 * (n + p).powi(3);
     let full_ratio = |window: f64| window * hypotheses * (2.0 * n * n + 4.0 * n * p + p * p + 4.0 * p);
     Some(match mode {
         "all" => filter + 2.0 * p * p + bank + ratio(120.0) + sums,

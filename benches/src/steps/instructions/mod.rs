@@ -72,7 +72,11 @@ fn features() -> String {
         ("fma", is_x86_feature_detected!("fma")),
         ("avx512f", is_x86_feature_detected!("avx512f")),
     ];
-    let present: Vec<&str> = all.iter().filter(|(_, present)| *present).map(|(name, _)| *name).collect();
+    let present: Vec<&str> = all
+        .iter()
+        .filter(|(_, present)| *present)
+        .map(|(name, _)| *name)
+        .collect();
     format!("x86-64 {}", present.join(" "))
 }
 

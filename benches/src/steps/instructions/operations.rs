@@ -55,7 +55,10 @@ impl Operations {
 
     /// Those on so many lanes.
     pub fn on(&self, lanes: Lanes) -> u64 {
-        Kind::ALL.into_iter().map(|kind| self.of(kind, lanes)).fold(0, u64::add)
+        Kind::ALL
+            .into_iter()
+            .map(|kind| self.of(kind, lanes))
+            .fold(0, u64::add)
     }
 }
 
@@ -80,7 +83,11 @@ impl Disassembly {
                 self.0.insert(object.clone(), floating_point(object)?);
             }
             if let Some(&(kind, lanes)) = self.0.get(object).and_then(|known| known.get(address)) {
-                operations.0.entry((kind, lanes)).or_default().add_assign(count * lanes * kind.operations());
+                operations
+                    .0
+                    .entry((kind, lanes))
+                    .or_default()
+                    .add_assign(count * lanes * kind.operations());
             }
         }
         Ok(operations)
@@ -90,8 +97,15 @@ impl Disassembly {
 /// Addresses and classes of all floating-point arithmetic in a file of machine code.
 fn floating_point(object: &str) -> Result<HashMap<u64, Class>> {
     let mut command = Command::new("objdump");
-    let output = command.args(["-d", "--no-show-raw-insn", object]).output().context("objdump does not start")?;
-    ensure!(output.status.success(), "objdump of {object} ended with {}", output.status);
+    let output = command
+        .args(["-d", "--no-show-raw-insn", object])
+        .output()
+        .context("objdump does not start")?;
+    ensure!(
+        output.status.success(),
+        "objdump of {object} ended with {}",
+        output.status
+    );
     let text = String::from_utf8_lossy(&output.stdout);
     Ok(text.lines().filter_map(instruction).collect())
 }
@@ -129,16 +143,27 @@ mod tests {
     #[test]
     fn arithmetic_is_told_from_moves_and_comparisons() {
         let class = |text: &str| instruction(&format!("   1a2b:\t{text}")).map(|(_, class)| class);
-        assert_eq!(instruction("   1a2b:\tmulsd  %xmm1,%xmm0"), Some((0x1a2b, (Kind::AddMultiply, 1))));
+        assert_eq!(
+            instruction("   1a2b:\tmulsd  %xmm1,%xmm0"),
+            Some((0x1a2b, (Kind::AddMultiply, 1)))
+        );
         assert_eq!(class("addpd  0x10(%rax),%xmm0"), Some((Kind::AddMultiply, 2)));
         assert_eq!(class("vaddpd %ymm1,%ymm0,%ymm0"), Some((Kind::AddMultiply, 4)));
         assert_eq!(class("vfmadd231pd %ymm1,%ymm0,%ymm0"), Some((Kind::Fused, 4)));
         assert_eq!(class("vfnmadd213sd %xmm1,%xmm0,%xmm0"), Some((Kind::Fused, 1)));
         assert_eq!(class("sqrtsd %xmm1,%xmm0"), Some((Kind::Root, 1)));
         assert_eq!(class("divpd  %xmm1,%xmm0"), Some((Kind::Divide, 2)));
-        for other in ["movsd  %xmm1,%xmm0", "movapd %xmm1,%xmm0", "maxsd  %xmm1,%xmm0", "cmpltpd %xmm1,%xmm0",
-            "ucomisd %xmm1,%xmm0", "unpcklpd %xmm1,%xmm0", "andpd  %xmm1,%xmm0", "call   10 <add>", "addss  %xmm1,%xmm0"]
-        {
+        for other in [
+            "movsd  %xmm1,%xmm0",
+            "movapd %xmm1,%xmm0",
+            "maxsd  %xmm1,%xmm0",
+            "cmpltpd %xmm1,%xmm0",
+            "ucomisd %xmm1,%xmm0",
+            "unpcklpd %xmm1,%xmm0",
+            "andpd  %xmm1,%xmm0",
+            "call   10 <add>",
+            "addss  %xmm1,%xmm0",
+        ] {
             assert_eq!(class(other), None, "{other}");
         }
     }

@@ -99,15 +99,27 @@ macro_rules! kernels {
             }
 
             pub fn fused(simd: V3) {
-                run(simd, #[inline(always)] |simd, _, chain, one, none| $fused(simd, chain, one, none));
+                run(
+                    simd,
+                    #[inline(always)]
+                    |simd, _, chain, one, none| $fused(simd, chain, one, none),
+                );
             }
 
             pub fn divide(simd: V3) {
-                run(simd, #[inline(always)] |simd, _, chain, one, _| $divide(simd, chain, one));
+                run(
+                    simd,
+                    #[inline(always)]
+                    |simd, _, chain, one, _| $divide(simd, chain, one),
+                );
             }
 
             pub fn root(simd: V3) {
-                run(simd, #[inline(always)] |simd, _, chain, _, _| $root(simd, chain));
+                run(
+                    simd,
+                    #[inline(always)]
+                    |simd, _, chain, _, _| $root(simd, chain),
+                );
             }
         }
     };

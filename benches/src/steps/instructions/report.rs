@@ -31,7 +31,12 @@ pub fn run(options: &Options, quick: bool) -> Result<Results> {
                  stands at the addresses that were executed. The time that these operations would take at the peak rates of \
                  their classes (scalar, packed 128, packed 256 bit), divided by the measured time of a step (p50), is the \
                  achieved fraction. A multiply-add of a formula is two operations.";
-    let mut results = Results::begin("instructions", "Instructions and floating-point operations", about, quick);
+    let mut results = Results::begin(
+        "instructions",
+        "Instructions and floating-point operations",
+        about,
+        quick,
+    );
     let peaks = peaks(quick).unwrap_or_default();
     if peaks.is_empty() {
         results.skip("peak rates", "the processor has no AVX2 and FMA");
@@ -39,12 +44,18 @@ pub fn run(options: &Options, quick: bool) -> Result<Results> {
         results.tables.push(table_of_peaks(&peaks));
     }
     let Some(valgrind) = callgrind::valgrind() else {
-        results.skip("instructions of a step", "there is no valgrind; install it (Debian: `apt install valgrind`)");
+        results.skip(
+            "instructions of a step",
+            "there is no valgrind; install it (Debian: `apt install valgrind`)",
+        );
         return Ok(results);
     };
     let has_objdump = operations::is_available();
     if !has_objdump {
-        results.skip("floating-point operations", "there is no objdump; install it (Debian: `apt install binutils`)");
+        results.skip(
+            "floating-point operations",
+            "there is no objdump; install it (Debian: `apt install binutils`)",
+        );
     }
     let program = std::env::current_exe().context("this program's own path")?;
     let mut disassembly = Disassembly::default();
@@ -60,7 +71,11 @@ pub fn run(options: &Options, quick: bool) -> Result<Results> {
         }
         let warm_up = WARM_UP_PERIODS * STEPS;
         let counted = callgrind::count(&program, &case.name(), warm_up, STEPS, has_objdump)?;
-        let operations = if has_objdump { disassembly.operations(&counted.executions)? } else { Operations::default() };
+        let operations = if has_objdump {
+            disassembly.operations(&counted.executions)?
+        } else {
+            Operations::default()
+        };
         let time = Duration::from_millis(if quick { 50 } else { 200 });
         let p50_ns = Percentiles::of(&single::measure(case, time)?).p50;
         counts.row(row(case, counted.per_step(), &operations, p50_ns, &peaks)?);
@@ -80,7 +95,8 @@ pub fn run(options: &Options, quick: bool) -> Result<Results> {
 /// slowly under valgrind.
 fn is_counted(case: &Case, quick: bool) -> bool {
     let tenfold = case.generators.is_none_or(|order| order == 10 * case.states);
-    let is_representative = case.is_default || matches!(case.mode, "fixed" | "row_wise" | "riccati" | "joint");
+    let is_representative =
+        case.is_default || matches!(case.mode, "fixed" | "row_wise" | "riccati" | "joint");
     match case.states {
         4 if quick => tenfold && is_representative && !is_designed_slowly(case),
         4 => true,
@@ -108,14 +124,25 @@ const COLUMNS: [&str; 12] = [
     "achieved fraction of the peak",
 ];
 
-fn row(case: &Case, instructions: f64, operations: &Operations, p50_ns: u64, peaks: &[Peak]) -> Result<Vec<String>> {
+fn row(
+    case: &Case,
+    instructions: f64,
+    operations: &Operations,
+    p50_ns: u64,
+    peaks: &[Peak],
+) -> Result<Vec<String>> {
     let per_step = |count: u64| count as f64 / STEPS as f64;
     let total = per_step(operations.total());
     let share = |count: u64| match operations.total() {
         0 => String::new(),
         all => format!("{} %", significant(100.0 * count as f64 / all as f64)),
     };
-    let slow = |kind| [1, 2, 4].map(|lanes| operations.of(kind, lanes)).iter().sum::<u64>();
+    let slow = |kind| {
+        [1, 2, 4]
+            .map(|lanes| operations.of(kind, lanes))
+            .iter()
+            .sum::<u64>()
+    };
     let formula = formulas::operations(case, &case.watched()?);
     let fraction = at_peak_ns(operations, peaks).map(|time| time / STEPS as f64 / p50_ns as f64);
     let or_nothing = |value: Option<f64>| value.map_or(String::new(), significant);
@@ -131,7 +158,9 @@ fn row(case: &Case, instructions: f64, operations: &Operations, p50_ns: u64, pea
         share(slow(Kind::Divide) + slow(Kind::Root)),
         duration(p50_ns as f64),
         significant(instructions / p50_ns as f64),
-        fraction.map_or(String::new(), |fraction| format!("{} %", significant(100.0 * fraction))),
+        fraction.map_or(String::new(), |fraction| {
+            format!("{} %", significant(100.0 * fraction))
+        }),
     ])
 }
 
@@ -178,7 +207,8 @@ fn table_of_peaks(peaks: &[Peak]) -> Table {
     ];
     for (name, kind) in kinds {
         let rate = |lanes| peaks.iter().find(|peak| peak.class == (kind, lanes));
-        let rates = [1, 2, 4].map(|lanes| rate(lanes).map_or(String::new(), |peak| significant(peak.per_second / 1e9)));
+        let rates = [1, 2, 4]
+            .map(|lanes| rate(lanes).map_or(String::new(), |peak| significant(peak.per_second / 1e9)));
         table.row(std::iter::once(name.to_owned()).chain(rates));
     }
     table

@@ -27,7 +27,11 @@ pub fn conditions(compiler: &str, counted: &Counted) -> Vec<String> {
         true => "profile dev",
         false => "profile release",
     };
-    vec![compiler.to_owned(), profile.to_owned(), format!("processor {}", counted.child.features)]
+    vec![
+        compiler.to_owned(),
+        profile.to_owned(),
+        format!("processor {}", counted.child.features),
+    ]
 }
 
 impl InstructionTable {
@@ -66,13 +70,16 @@ impl InstructionTable {
     /// The count of a case.
     pub fn count_of(&self, case: &str) -> Option<u64> {
         let mut counts = self.counts.iter();
-        counts.find(|(_, counted)| counted == case).map(|(count, _)| *count)
+        counts
+            .find(|(_, counted)| counted == case)
+            .map(|(count, _)| *count)
     }
 }
 
 /// What is wrong with a new count, if anything.
 pub fn complaint(case: &str, old: Option<u64>, new: u64) -> Option<String> {
-    let renew = "renew the table with RENEW_INSTRUCTION_COUNTS=1 cargo test -p residual-benches --test instructions";
+    let renew =
+        "renew the table with RENEW_INSTRUCTION_COUNTS=1 cargo test -p residual-benches --test instructions";
     let Some(old) = old else {
         return Some(format!("{case}: {new} instructions, not in the table; {renew}"));
     };
@@ -113,9 +120,15 @@ mod tests {
         assert_eq!(complaint("a", Some(64_000), 64_000), None);
         assert_eq!(complaint("a", Some(64_000), 65_900), None);
         let dearer = complaint("a", Some(64_000), 66_560).unwrap();
-        assert!(dearer.contains("1040 instructions a step, 1000 in the table (+4.0 %)"), "{dearer}");
+        assert!(
+            dearer.contains("1040 instructions a step, 1000 in the table (+4.0 %)"),
+            "{dearer}"
+        );
         let cheaper = complaint("a", Some(64_000), 32_000).unwrap();
-        assert!(cheaper.contains("(-50.0 %)") && cheaper.contains("renew"), "{cheaper}");
+        assert!(
+            cheaper.contains("(-50.0 %)") && cheaper.contains("renew"),
+            "{cheaper}"
+        );
         assert!(complaint("a", None, 1).unwrap().contains("not in the table"));
     }
 }
