@@ -11,8 +11,8 @@ use pulp::x86::V3;
 
 use super::operations::{Class, Kind};
 
-/// Rounds of a kernel between two looks at the clock.
-const ROUNDS: u64 = 200_000;
+/// Rounds of a kernel between two looks at the clock: shorter than the turn of a process on a busy machine.
+const ROUNDS: u64 = 10_000;
 
 /// Independent chains: as many as fit into the registers, to hide the latency of the operations.
 const CHAINS: usize = 14;
@@ -43,7 +43,7 @@ pub fn peaks(quick: bool) -> Option<Vec<Peak>> {
         ((Kind::Root, 2), packed_128::root),
         ((Kind::Root, 4), packed_256::root),
     ];
-    let repetitions = if quick { 5 } else { 30 };
+    let repetitions = if quick { 300 } else { 2000 };
     let peak = |(class, kernel): (Class, fn(V3))| Peak {
         class,
         per_second: operations(class) as f64 / fastest(simd, kernel, repetitions).as_secs_f64(),
