@@ -1,4 +1,5 @@
 //! No step becomes dearer unnoticed: instructions of a step, counted by callgrind, against the committed table.
+#![allow(clippy::unwrap_used)]
 
 use std::path::{Path, PathBuf};
 use std::thread;

@@ -10,7 +10,7 @@ use toml::{Table, Value};
 
 use super::plant::{Draw, PERIOD, commands};
 use super::recording::{Recording, SentPacket, list, rows};
-use super::{Case, STATES, Watched};
+use super::{Case, PlantOf, STATES, Watched};
 
 const PERIOD_NS: u64 = 100_000_000;
 const SENSORS: usize = 3;
@@ -21,7 +21,7 @@ const NOISE: f64 = 0.5;
 
 /// All cases.
 pub fn cases() -> Vec<Case> {
-    let modes: [(&str, &str, fn(usize) -> Result<Watched>); 5] = [
+    let modes: [(&str, &str, PlantOf); 5] = [
         ("sequential", "", asynchronous),
         ("sequential, one instant", "", synchronous),
         ("square root", "form = \"sequential_square_root\"", asynchronous),
@@ -32,7 +32,7 @@ pub fn cases() -> Vec<Case> {
             asynchronous,
         ),
     ];
-    let case = |(mode, options, plant): (&'static str, &str, fn(usize) -> Result<Watched>), states| Case {
+    let case = |(mode, options, plant): (&'static str, &str, PlantOf), states| Case {
         method: "async_imm",
         mode,
         states,

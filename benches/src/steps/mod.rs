@@ -49,6 +49,9 @@ pub struct Watched {
 /// From the tables of a diagnoser to its method.
 type Read = fn(Table) -> Result<MethodConfiguration, toml::de::Error>;
 
+/// From the number of states to a plant.
+type PlantOf = fn(usize) -> Result<Watched>;
+
 /// One method in one mode on one plant.
 #[derive(Clone, Debug)]
 pub struct Case {
@@ -63,7 +66,7 @@ pub struct Case {
     /// Whether it is the method as configured without options.
     pub is_default: bool,
     read: Read,
-    plant: fn(usize) -> Result<Watched>,
+    plant: PlantOf,
     options: String,
 }
 

@@ -11,7 +11,7 @@ use toml::{Table, Value};
 
 use super::plant::{Draw, Drive, PERIOD, Plant, commands};
 use super::recording::{Recording, list, rows};
-use super::{Case, STATES, Watched};
+use super::{Case, PlantOf, STATES, Watched};
 
 /// Bounds of disturbance and noise.
 const BOUND: f64 = 0.01;
@@ -72,7 +72,7 @@ pub fn cases() -> Vec<Case> {
     cases
 }
 
-fn case(mode: &'static str, states: usize, plant: fn(usize) -> Result<Watched>, options: String) -> Case {
+fn case(mode: &'static str, states: usize, plant: PlantOf, options: String) -> Case {
     Case {
         method: "unknown_input_filter",
         mode,

@@ -3,7 +3,6 @@
 pub mod callgrind;
 pub mod formulas;
 pub mod operations;
-#[cfg(target_arch = "x86_64")]
 pub mod peak;
 mod report;
 pub mod table;

@@ -1,7 +1,7 @@
 //! Floating-point operations among executed instructions, by what `objdump -d` shows at their addresses.
 
 use std::collections::HashMap;
-use std::ops::{Add, AddAssign};
+use std::ops::AddAssign;
 use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
@@ -55,10 +55,7 @@ impl Operations {
 
     /// Those on so many lanes.
     pub fn on(&self, lanes: Lanes) -> u64 {
-        Kind::ALL
-            .into_iter()
-            .map(|kind| self.of(kind, lanes))
-            .fold(0, u64::add)
+        Kind::ALL.into_iter().map(|kind| self.of(kind, lanes)).sum()
     }
 }
 

@@ -39,7 +39,7 @@ pub fn run(options: &Options, quick: bool) -> Result<Results> {
     );
     let peaks = peaks(quick).unwrap_or_default();
     if peaks.is_empty() {
-        results.skip("peak rates", "the processor has no AVX2 and FMA");
+        results.skip("peak rates", "they are measured on x86-64 with AVX2 and FMA only");
     } else {
         results.tables.push(table_of_peaks(&peaks));
     }
