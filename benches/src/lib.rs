@@ -13,6 +13,7 @@
 //! | [`process`] | other processes of the program itself: publishers, daemons, readers |
 //! | [`path`] | the ways of samples, bounds and alarms between processes |
 //! | [`report`] | all results as one Markdown file with charts |
+//! | [`steps`] | single steps of every method: time, instructions, floating-point operations |
 //! | [`shared_words`] | bare shared memory, the peer of the bounds table |
 
 pub mod machine;
@@ -23,3 +24,4 @@ pub mod processor;
 pub mod report;
 pub mod results;
 pub mod shared_words;
+pub mod steps;

@@ -10,6 +10,7 @@ use clap::{Args, Parser, Subcommand};
 use residual_benches::path::{alarm, latency, read, role, write};
 use residual_benches::report;
 use residual_benches::results::Results;
+use residual_benches::steps::{instructions, single};
 
 /// How fast a step is, how late a bound, how soon an alarm, how many diagnosers fit on a core.
 #[derive(Parser)]
@@ -47,6 +48,13 @@ enum Command {
     /// A process of one of these measurements.
     #[command(subcommand, hide = true)]
     Path(role::Role),
+    /// Times single steps of every method in every mode.
+    Steps(single::Options),
+    /// Counts instructions and floating-point operations of steps.
+    Instructions(instructions::Options),
+    /// Steps one case; what `instructions` counts.
+    #[command(hide = true)]
+    StepCase(instructions::ChildOptions),
 }
 
 /// Arguments of `report`.
@@ -61,7 +69,7 @@ struct ReportOptions {
 }
 
 /// The subcommands of a report, in its order.
-const MEASUREMENTS: [&str; 4] = ["latency", "alarm", "read", "write"];
+const MEASUREMENTS: [&str; 6] = ["steps", "instructions", "latency", "alarm", "read", "write"];
 
 /// Lines of a failed measurement that the report shows.
 const SHOWN_LINES: usize = 20;
@@ -85,6 +93,9 @@ fn run(arguments: &Arguments) -> Result<()> {
         Command::Read(options) => conclude(read::run(options, common.quick)?, common),
         Command::Write(options) => conclude(write::run(options, common.quick)?, common),
         Command::Path(role) => role::play(role),
+        Command::Steps(options) => conclude(single::run(options, common.quick)?, common),
+        Command::Instructions(options) => conclude(instructions::run(options, common.quick)?, common),
+        Command::StepCase(options) => instructions::run_child(options),
     }
 }
 
