@@ -11,10 +11,12 @@
 //! | [`machine`] | what it was measured on, and under which load |
 //! | [`processor`] | pinning to a core, real-time priority |
 //! | [`process`] | other processes of the program itself: publishers, daemons, readers |
+//! | [`peers`] | the same work done by what a user would take instead |
 //! | [`report`] | all results as one Markdown file with charts |
 //! | [`shared_words`] | bare shared memory, the peer of the bounds table |
 
 pub mod machine;
+pub mod peers;
 pub mod percentiles;
 pub mod process;
 pub mod processor;

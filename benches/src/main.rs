@@ -7,7 +7,7 @@ use std::process::{Command as Program, ExitCode, Stdio};
 
 use anyhow::{Context, Result};
 use clap::{Args, Parser, Subcommand};
-use residual_benches::report;
+use residual_benches::{peers, report};
 use residual_benches::results::Results;
 
 /// How fast a step is, how late a bound, how soon an alarm, how many diagnosers fit on a core.
@@ -33,6 +33,8 @@ struct Common {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Step times, sample latency and records beside other programs.
+    Peers(peers::Options),
     /// Measures everything and writes REPORT.md with its charts.
     Report(ReportOptions),
 }
@@ -49,7 +51,7 @@ struct ReportOptions {
 }
 
 /// The subcommands of a report, in its order.
-const MEASUREMENTS: [&str; 0] = [];
+const MEASUREMENTS: [&str; 1] = ["peers"];
 
 /// Lines of a failed measurement that the report shows.
 const SHOWN_LINES: usize = 20;
@@ -67,12 +69,12 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<()> {
     let common = &arguments.common;
     match &arguments.command {
+        Command::Peers(options) => conclude(peers::run(options, common.quick)?, common),
         Command::Report(options) => write_report(options, common),
     }
 }
 
 /// Saves and prints what a subcommand has measured.
-#[expect(dead_code, reason = "no subcommand yet")]
 fn conclude(results: Results, common: &Common) -> Result<()> {
     let results = results.save(&common.results)?;
     print!("{}", report::of_one(&results));
