@@ -8,7 +8,7 @@ import gc
 import json
 import platform
 import sys
-from time import perf_counter_ns
+from time import thread_time_ns
 
 import numpy as np
 
@@ -49,7 +49,7 @@ def outputs(peer, inputs):
 def one_pass(peer, inputs):
     peer.reset()
     step = peer.step
-    begin = perf_counter_ns()
+    begin = thread_time_ns()
     for y, u in inputs:
         step(y, u)
-    return perf_counter_ns() - begin
+    return thread_time_ns() - begin
