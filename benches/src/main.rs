@@ -35,6 +35,9 @@ struct Common {
 enum Command {
     /// Step times, sample latency and records beside other programs.
     Peers(peers::Options),
+    /// Sends samples back, for `peers`.
+    #[command(hide = true)]
+    SampleEcho(peers::samples::own::EchoOptions),
     /// Measures everything and writes REPORT.md with its charts.
     Report(ReportOptions),
 }
@@ -69,6 +72,7 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<()> {
     let common = &arguments.common;
     match &arguments.command {
+        Command::SampleEcho(options) => peers::samples::own::echo(options),
         Command::Peers(options) => conclude(peers::run(options, common.quick)?, common),
         Command::Report(options) => write_report(options, common),
     }

@@ -10,10 +10,10 @@ use std::process::Command;
 use std::time::Duration;
 
 use anyhow::Result;
-use nix::time::{ClockId, clock_gettime};
 use residual_diagnosis::diagnoser::{Diagnoser, PacketHeader, Packets, StepInput, StepRecord};
 
 use super::cases::Case;
+use super::timing::processor_time;
 use crate::process::Process;
 
 /// Everything that a diagnoser sees of a run.
@@ -124,9 +124,4 @@ fn pass(diagnoser: &mut dyn Diagnoser, case: &Case) -> Result<Duration> {
         black_box(&record);
     }
     Ok(processor_time()?.saturating_sub(begin))
-}
-
-/// What this thread has used of a processor.
-fn processor_time() -> Result<Duration> {
-    Ok(clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID)?.into())
 }

@@ -6,6 +6,7 @@
 //! | [`agreement`] | that two programs did the same work: their numbers agree |
 //! | [`contender`] | who steps: a diagnoser of this process, or a peer in a process of its own |
 //! | [`cases`] | the diagnosers, their plants and the problems as the peers read them |
+//! | [`timing`] | processor times of repeated rounds |
 //! | [`steps`] | step times of all methods beside numpy, filterpy and Eigen |
 //! | [`samples`] | latency of a sample beside Cyclone DDS and zenoh |
 //! | [`records`] | a record through the bounds table beside string diagnostics in the style of ROS |
@@ -15,10 +16,12 @@
 pub mod agreement;
 pub mod cases;
 pub mod contender;
+mod diagnostics;
 pub mod environment;
 pub mod records;
 pub mod samples;
 pub mod steps;
+pub mod timing;
 
 use std::time::Duration;
 

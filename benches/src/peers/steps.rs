@@ -11,6 +11,7 @@ use super::agreement::agree;
 use super::cases::{Case, Program};
 use super::contender::Contender;
 use super::environment::{Absent, Environment};
+use super::timing::Times;
 use crate::percentiles::{duration, significant};
 use crate::results::{Finding, Results, Table};
 
@@ -19,22 +20,6 @@ const LEAST_ROUNDS: usize = 7;
 
 /// Flags of the baseline: the instruction set that residuald is compiled for.
 const BASELINE: &str = "-march=x86-64";
-
-/// Mean times of a step, one for each round.
-#[derive(Clone, Debug, Default)]
-struct Times(Vec<f64>);
-
-impl Times {
-    fn median(&self) -> f64 {
-        let mut sorted = self.0.clone();
-        sorted.sort_by(f64::total_cmp);
-        sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
-    }
-
-    fn best(&self) -> f64 {
-        self.0.iter().copied().fold(f64::INFINITY, f64::min)
-    }
-}
 
 /// Compares every case with its peers; each comparison takes `budget`, or what the least number of rounds takes.
 ///
@@ -95,7 +80,7 @@ fn one(
         differences.push(format!("{difference:.1e} (≤ {tolerance:.0e})"));
     }
     let mut times = vec![Times::default(); contenders.len()];
-    let (begin, steps) = (Instant::now(), case.inputs.measurements.len() as f64);
+    let (begin, steps) = (Instant::now(), case.inputs.measurements.len());
     for round in 0.. {
         if round >= LEAST_ROUNDS && begin.elapsed() > budget {
             break;
@@ -103,7 +88,7 @@ fn one(
         for place in 0..contenders.len() {
             let place = (place + round) % times.len();
             let time = contenders[place].1.time(&case)?;
-            times[place].0.push(time.as_nanos() as f64 / steps);
+            times[place].add(time, steps);
         }
     }
     let (ours, our_best) = (times[0].median(), times[0].best());
@@ -112,7 +97,7 @@ fn one(
         table.row([
             case.title.clone(),
             name.clone(),
-            format!("{} x {steps}", times.0.len()),
+            format!("{} x {steps}", times.rounds()),
             duration(times.median()),
             duration(times.best()),
             significant(ratio),
@@ -186,16 +171,4 @@ fn compile(
         return Err(anyhow!("{command:?} failed: {}", String::from_utf8_lossy(&output.stderr)));
     }
     Ok(program)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_median_and_the_best_of_the_rounds_are_told() {
-        let times = Times(vec![5.0, 1.0, 9.0, 2.0, 3.0]);
-        assert_eq!((times.median(), times.best()), (3.0, 1.0));
-        assert!(Times::default().median().is_nan());
-    }
 }
