@@ -7,8 +7,8 @@ use std::process::{Command as Program, ExitCode, Stdio};
 
 use anyhow::{Context, Result};
 use clap::{Args, Parser, Subcommand};
-use residual_benches::{peers, report};
 use residual_benches::results::Results;
+use residual_benches::{peers, report};
 
 /// How fast a step is, how late a bound, how soon an alarm, how many diagnosers fit on a core.
 #[derive(Parser)]

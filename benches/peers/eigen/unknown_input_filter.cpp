@@ -5,7 +5,9 @@
 // test rows. All matrices have a fixed size; while the set still grows to its 40 generators the product runs over a
 // block. See contender.rs for the lines `check` and `time`.
 
-#include <Eigen/Dense>
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <Eigen/QR>
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -51,10 +53,10 @@ public:
           h0_(problem["radius"].transpose()), gain_(problem["L_fix"]) {
         // Off-line: the decoupled test rows and the row of the estimate for the settled spread.
         const Eigen::MatrixXd cf = c_ * b_;
-        const Eigen::MatrixXd left_inverse = cf.completeOrthogonalDecomposition().pseudoInverse();
+        const Eigen::MatrixXd left_inverse = (cf.transpose() * cf).ldlt().solve(cf.transpose());
         const Eigen::MatrixXd projector = Eigen::MatrixXd::Identity(NY, NY) - cf * left_inverse;
-        const Eigen::MatrixXd basis =
-            Eigen::JacobiSVD<Eigen::MatrixXd>(projector, Eigen::ComputeFullU).matrixU().leftCols(NY - NU);
+        const Eigen::MatrixXd complete = Eigen::HouseholderQR<Eigen::MatrixXd>(cf).householderQ();
+        const Eigen::MatrixXd basis = complete.rightCols(NY - NU);
         rows_.template topRows<NY>() = projector;
         rows_.template bottomRows<NU>().setZero();
         prepare();

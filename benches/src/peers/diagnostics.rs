@@ -45,7 +45,10 @@ impl Diagnostic {
             }));
         }
         Self {
-            stamp: ((record.instant_ns / 1_000_000_000) as i32, (record.instant_ns % 1_000_000_000) as u32),
+            stamp: (
+                (record.instant_ns / 1_000_000_000) as i32,
+                (record.instant_ns % 1_000_000_000) as u32,
+            ),
             level: if record.certainly_faulty == 0 { 0 } else { 2 },
             name: name.to_owned(),
             message: record.verdict().name().to_owned(),
@@ -69,7 +72,10 @@ impl Diagnostic {
                 ratio: part(3)?,
             })
         };
-        let step = self.values.first().and_then(|(key, value)| (key == "step").then(|| value.parse().ok())?);
+        let step = self
+            .values
+            .first()
+            .and_then(|(key, value)| (key == "step").then(|| value.parse().ok())?);
         let Some(step) = step else { return false };
         record.step = step;
         record.instant_ns = self.stamp.0 as u64 * 1_000_000_000 + u64::from(self.stamp.1);
@@ -186,7 +192,10 @@ mod tests {
         let mut read = StepRecord::new(3);
         assert!(message.read(&names, &mut read));
         assert!(read.same_bits(&record()));
-        assert_eq!((message.name.as_str(), message.message.as_str()), ("filter", "starting"));
+        assert_eq!(
+            (message.name.as_str(), message.message.as_str()),
+            ("filter", "starting")
+        );
     }
 
     #[test]

@@ -43,11 +43,12 @@ impl Environment {
     pub fn python(&self, package: &str) -> Result<PathBuf, Absent> {
         let own = self.installed.join("python/bin/python");
         let interpreters = [own, PathBuf::from("python3")];
-        let imports = |python: &&PathBuf| succeeds(Command::new(python).arg("-c").arg(format!("import {package}")));
+        let imports =
+            |python: &&PathBuf| succeeds(Command::new(python).arg("-c").arg(format!("import {package}")));
         let found = interpreters.iter().find(imports);
-        found
-            .cloned()
-            .ok_or_else(|| format!("no Python with the package {package}; {INSTALL}, or pip install {package}"))
+        found.cloned().ok_or_else(|| {
+            format!("no Python with the package {package}; {INSTALL}, or pip install {package}")
+        })
     }
 
     /// `g++` and the directory of Eigen's headers.
@@ -59,7 +60,9 @@ impl Environment {
             return Err(format!("no g++; {INSTALL}, or apt-get install g++"));
         }
         let directories = ["/usr/include/eigen3", "/usr/local/include/eigen3"].map(PathBuf::from);
-        let found = directories.into_iter().find(|directory| directory.join("Eigen/Dense").is_file());
+        let found = directories
+            .into_iter()
+            .find(|directory| directory.join("Eigen/Dense").is_file());
         found.ok_or_else(|| format!("no headers of Eigen; {INSTALL}, or apt-get install libeigen3-dev"))
     }
 
@@ -83,13 +86,19 @@ impl Environment {
         let program = self.installed.join("zenoh/release/zenoh-latency");
         match program.is_file() {
             true => Ok(program),
-            false => Err(format!("zenoh-latency has not been built; {INSTALL} (compiles some 250 crates)")),
+            false => Err(format!(
+                "zenoh-latency has not been built; {INSTALL} (compiles some 250 crates)"
+            )),
         }
     }
 }
 
 fn succeeds(command: &mut Command) -> bool {
-    let status = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).status();
+    let status = command
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .status();
     status.is_ok_and(|status| status.success())
 }
 

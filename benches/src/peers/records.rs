@@ -30,7 +30,9 @@ type Way<'a> = &'a mut dyn FnMut(&StepRecord, &mut StepRecord) -> bool;
 /// # Errors
 /// There is no tmpfs, or a record does not arrive as it was sent.
 pub fn compare(budget: Duration, results: &mut Results) -> Result<()> {
-    let names: Vec<String> = (0..CHANNELS).map(|i| format!("mode_{}_output_{}", i / 6, i % 6)).collect();
+    let names: Vec<String> = (0..CHANNELS)
+        .map(|i| format!("mode_{}_output_{}", i / 6, i % 6))
+        .collect();
     let directory = tempfile::Builder::new().prefix("rb").tempdir_in("/dev/shm")?;
     let path = directory.path().join("peers.bounds");
     let access = Access {
@@ -66,7 +68,10 @@ pub fn compare(budget: Duration, results: &mut Results) -> Result<()> {
     let ratio = text_times.median() / table_times.median();
     for (name, times) in [
         ("bounds table: publish, read".to_owned(), table_times),
-        (format!("string diagnostics: format, serialise ({length} bytes), deserialise, parse"), text_times),
+        (
+            format!("string diagnostics: format, serialise ({length} bytes), deserialise, parse"),
+            text_times,
+        ),
     ] {
         table.row([
             name,
@@ -77,7 +82,12 @@ pub fn compare(budget: Duration, results: &mut Results) -> Result<()> {
         ]);
     }
     results.tables.push(table);
-    results.findings.push(Finding::at_least("record of 26 channels: string diagnostics / bounds table", ratio, 1.0, ""));
+    results.findings.push(Finding::at_least(
+        "record of 26 channels: string diagnostics / bounds table",
+        ratio,
+        1.0,
+        "",
+    ));
     results.notes.push(
         "String diagnostics as a ROS 2 node publishes them: one DiagnosticStatus with a key and a value of text for each \
          number, serialised as CDR, deserialised by the reader and parsed back into numbers. Both ways give every number \
@@ -115,9 +125,12 @@ fn check(records: &[StepRecord], way: &mut dyn FnMut(&StepRecord, &mut StepRecor
     for record in records {
         let mut read = StepRecord::new(CHANNELS);
         ensure!(way(record, &mut read), "a record does not arrive");
-        let pairs = record.channels().iter().zip(read.channels());
-        let equal = pairs.map(|(sent, read)| sent == read).all(|equal| equal);
-        ensure!(equal && record.step == read.step, "record {} arrives with other numbers", record.step);
+        let equal = record.channels() == read.channels();
+        ensure!(
+            equal && record.step == read.step,
+            "record {} arrives with other numbers",
+            record.step
+        );
     }
     records.first().context("no records").map(drop)
 }

@@ -28,7 +28,16 @@ const BASELINE: &str = "-march=x86-64";
 pub fn compare(environment: &Environment, budget: Duration, results: &mut Results) -> Result<()> {
     let mut table = Table::new(
         "Time of a step: from the samples to the finished record here, to the same numbers in a peer",
-        &["step", "who", "rounds x steps", "median", "best", "median / ours", "best / ours", "largest difference"],
+        &[
+            "step",
+            "who",
+            "rounds x steps",
+            "median",
+            "best",
+            "median / ours",
+            "best / ours",
+            "largest difference",
+        ],
     );
     for case in super::cases::all()? {
         one(environment, budget, case, &mut table, results)?;
@@ -65,7 +74,9 @@ fn one(
             Err(absent) => {
                 if let Some(aim) = aim {
                     let what = format!("{}, {} / ours", case.title, program.name());
-                    results.findings.push(Finding::not_measured(what, format!("≥ {aim}"), "not installed"));
+                    results
+                        .findings
+                        .push(Finding::not_measured(what, format!("≥ {aim}"), "not installed"));
                 }
                 results.skip(format!("{} with {}", case.title, program.name()), absent);
             }
@@ -75,8 +86,8 @@ fn one(
     let expected = contenders[0].1.outputs(&case)?;
     for (name, contender, _, tolerance) in contenders.iter_mut().skip(1) {
         let found = contender.outputs(&case)?;
-        let difference = agree(&expected, &found, *tolerance)
-            .with_context(|| format!("{} beside {name}", case.title))?;
+        let difference =
+            agree(&expected, &found, *tolerance).with_context(|| format!("{} beside {name}", case.title))?;
         differences.push(format!("{difference:.1e} (≤ {tolerance:.0e})"));
     }
     let mut times = vec![Times::default(); contenders.len()];
@@ -124,7 +135,9 @@ fn start(environment: &Environment, case: &Case, program: Program) -> Result<Res
                 }
                 // What the peer writes beside its sources would be taken for sources.
                 command.env("PYTHONDONTWRITEBYTECODE", "1");
-                command.arg(environment.sources.join("numpy").join(format!("{script}.py"))).arg(problem);
+                command
+                    .arg(environment.sources.join("numpy").join(format!("{script}.py")))
+                    .arg(problem);
                 command
             })
         }
@@ -149,12 +162,7 @@ fn problem_file(environment: &Environment, case: &Case, peer: &str, text: &str) 
     Ok(path)
 }
 
-fn compile(
-    environment: &Environment,
-    source: &str,
-    architecture: &str,
-    headers: &Path,
-) -> Result<PathBuf> {
+fn compile(environment: &Environment, source: &str, architecture: &str, headers: &Path) -> Result<PathBuf> {
     let directory = environment.installed.join("eigen");
     fs::create_dir_all(&directory).with_context(|| format!("{} cannot be made", directory.display()))?;
     let program = directory.join(format!("{source}{architecture}"));
@@ -164,11 +172,17 @@ fn compile(
         return Ok(program);
     }
     let mut command = Command::new("g++");
-    command.args(["-std=c++17", "-O3", "-DNDEBUG", architecture]).arg("-isystem").arg(headers);
+    command
+        .args(["-std=c++17", "-O3", "-DNDEBUG", architecture])
+        .arg("-isystem")
+        .arg(headers);
     command.arg(text).arg("-o").arg(&program);
     let output = command.output().context("g++ does not start")?;
     if !output.status.success() {
-        return Err(anyhow!("{command:?} failed: {}", String::from_utf8_lossy(&output.stderr)));
+        return Err(anyhow!(
+            "{command:?} failed: {}",
+            String::from_utf8_lossy(&output.stderr)
+        ));
     }
     Ok(program)
 }

@@ -64,8 +64,14 @@ const STEPS: usize = 300;
 const FAULT_FROM: usize = 150;
 
 pub(super) fn cases() -> Result<Vec<Case>> {
-    let numpy = Program::Python { script: "async_imm", package: "numpy" };
-    let filterpy = Program::Python { script: "imm_filterpy", package: "filterpy" };
+    let numpy = Program::Python {
+        script: "async_imm",
+        package: "numpy",
+    };
+    let filterpy = Program::Python {
+        script: "imm_filterpy",
+        package: "filterpy",
+    };
     Ok(vec![
         case(
             "async_imm",

@@ -48,9 +48,15 @@ pub(super) fn cases() -> Result<Vec<Case>> {
         title: "chi-square tests, 3 states, 2 sensors, 4 windows, 120 onsets of 4 faults".to_owned(),
         compared: designed.channels(&[""]),
         own: vec![("residuald".to_owned(), designed.diagnoser, 0.0)],
-        peers: vec![(Program::Python { script: "chi_square", package: "numpy" }, None)],
+        peers: vec![(
+            Program::Python {
+                script: "chi_square",
+                package: "numpy",
+            },
+            None,
+        )],
         inputs,
         problem,
-        tolerance: 1e-7,
+        tolerance: 1e-9,
     }])
 }

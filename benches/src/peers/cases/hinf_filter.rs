@@ -49,9 +49,15 @@ pub(super) fn cases() -> Result<Vec<Case>> {
         title: "fault detection filter, 2 states, 2 outputs, window of 100 samples".to_owned(),
         compared: designed.channels(&[""]),
         own: vec![("residuald".to_owned(), designed.diagnoser, 0.0)],
-        peers: vec![(Program::Python { script: "hinf_filter", package: "numpy" }, None)],
+        peers: vec![(
+            Program::Python {
+                script: "hinf_filter",
+                package: "numpy",
+            },
+            None,
+        )],
         inputs,
         problem,
-        tolerance: 1e-7,
+        tolerance: 1e-9,
     }])
 }

@@ -79,7 +79,9 @@ impl Case {
         ]) {
             let rows: Vec<Vec<f64>> = serde_json::from_value(value.clone()).unwrap_or_default();
             _ = write!(text, "{name} {} {}", rows.len(), rows.first().map_or(0, Vec::len));
-            rows.iter().flatten().for_each(|number| _ = write!(text, " {number:e}"));
+            rows.iter()
+                .flatten()
+                .for_each(|number| _ = write!(text, " {number:e}"));
             text.push('\n');
         }
         text
@@ -134,7 +136,8 @@ impl Designed {
     /// The places of the channels whose names begin with one of `prefixes`, in the order of the record.
     fn channels(&self, prefixes: &[&str]) -> Vec<usize> {
         let channels = self.diagnoser.description().channels.iter().enumerate();
-        let wanted = channels.filter(|(_, channel)| prefixes.iter().any(|prefix| channel.name.starts_with(prefix)));
+        let wanted =
+            channels.filter(|(_, channel)| prefixes.iter().any(|prefix| channel.name.starts_with(prefix)));
         wanted.map(|(place, _)| place).collect()
     }
 }

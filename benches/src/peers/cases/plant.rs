@@ -27,7 +27,9 @@ impl Plant {
     pub fn run(&self, steps: usize, seed: u64) -> Inputs {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
         let mut uniform = |bounds: &[f64]| {
-            let draws = bounds.iter().map(|bound| bound * generator.random_range(-1.0..=1.0));
+            let draws = bounds
+                .iter()
+                .map(|bound| bound * generator.random_range(-1.0..=1.0));
             DVector::from_iterator(bounds.len(), draws)
         };
         let mut x = DVector::from_column_slice(&self.state);

@@ -43,7 +43,13 @@ pub(super) fn cases() -> Result<Vec<Case>> {
         title: "reduced-order observers, 3 states, 2 outputs, detection and fault estimate".to_owned(),
         compared: designed.channels(&[""]),
         own: vec![("residuald".to_owned(), designed.diagnoser, 0.0)],
-        peers: vec![(Program::Python { script: "reduced_order_observer", package: "numpy" }, None)],
+        peers: vec![(
+            Program::Python {
+                script: "reduced_order_observer",
+                package: "numpy",
+            },
+            None,
+        )],
         inputs,
         problem,
         tolerance: 1e-9,

@@ -29,7 +29,15 @@ pub fn run(program: &Path, bytes: usize, seconds: u32) -> Result<Vec<Second>> {
     pong.args(["-i", &domain, "pong"]);
     let pong = Process::start_command(pong)?;
     let mut ping = Command::new(program);
-    ping.args(["-i", &domain, "-D", &(seconds + 1).to_string(), "ping", "size", &bytes.to_string()]);
+    ping.args([
+        "-i",
+        &domain,
+        "-D",
+        &(seconds + 1).to_string(),
+        "ping",
+        "size",
+        &bytes.to_string(),
+    ]);
     let output = ping.output().context("ddsperf does not start")?;
     drop(pong);
     let text = String::from_utf8_lossy(&output.stdout);

@@ -66,29 +66,62 @@ pub fn compare(environment: &Environment, quick: bool, results: &mut Results) ->
         }
     }
     let dds = ddsperf.and_then(|_| {
-        ddsperf::together(&seconds).ok_or_else(|| "ddsperf found no partner on this machine's network".to_owned())
+        ddsperf::together(&seconds)
+            .ok_or_else(|| "ddsperf found no partner on this machine's network".to_owned())
     });
     let zenoh = zenoh.map(|_| Latency::of(&routed));
     let woken = Latency::of(&woken);
     let polled = polling_is_fair.then(|| Latency::of(&polled));
     if polled.is_none() {
-        results.skip("the latency of a polled sample", "two processes that poll need two cores");
+        results.skip(
+            "the latency of a polled sample",
+            "two processes that poll need two cores",
+        );
     }
 
     let mut table = Table::new(
         format!("Latency of a sample of {BYTES} bytes between two processes, half of a round trip"),
-        &["transport", "the receiver", "samples", "p50", "p90", "p99", "p99.9", "max", "p50 / ours"],
+        &[
+            "transport",
+            "the receiver",
+            "samples",
+            "p50",
+            "p90",
+            "p99",
+            "p99.9",
+            "max",
+            "p50 / ours",
+        ],
     );
     let mut row = |name: &str, receiver: &str, latency: &Latency, ours: &Latency| {
-        let times = [Some(latency.p50), Some(latency.p90), Some(latency.p99), latency.p999, Some(latency.max)];
+        let times = [
+            Some(latency.p50),
+            Some(latency.p90),
+            Some(latency.p99),
+            latency.p999,
+            Some(latency.max),
+        ];
         let times = times.map(|time| time.map_or("not told".to_owned(), duration));
-        let (first, last) = ([name.to_owned(), receiver.to_owned(), latency.samples.to_string()], latency.p50 / ours.p50);
+        let (first, last) = (
+            [name.to_owned(), receiver.to_owned(), latency.samples.to_string()],
+            latency.p50 / ours.p50,
+        );
         table.row(first.into_iter().chain(times).chain([significant(last)]));
     };
     if let Some(polled) = &polled {
-        row("residuald's samples (iceoryx2)", "polls, as the daemon's step thread", polled, polled);
+        row(
+            "residuald's samples (iceoryx2)",
+            "polls, as the daemon's step thread",
+            polled,
+            polled,
+        );
     }
-    row("residuald's samples and an iceoryx2 event", "sleeps until the event", &woken, &woken);
+    row(
+        "residuald's samples and an iceoryx2 event",
+        "sleeps until the event",
+        &woken,
+        &woken,
+    );
     for (name, latency) in [("Cyclone DDS, `ddsperf`", dds), ("zenoh, peers over TCP", zenoh)] {
         let ours = [("polling", polled.as_ref()), ("sleeping", Some(&woken))];
         match latency {
@@ -96,13 +129,17 @@ pub fn compare(environment: &Environment, quick: bool, results: &mut Results) ->
                 row(name, "sleeps in the socket, callback", &latency, &woken);
                 for (how, ours) in ours.into_iter().filter_map(|(how, ours)| Some((how, ours?))) {
                     let what = format!("latency of a sample at p50: {name} (sleeping) / ours ({how})");
-                    results.findings.push(Finding::at_least(what, latency.p50 / ours.p50, 1.0, ""));
+                    results
+                        .findings
+                        .push(Finding::at_least(what, latency.p50 / ours.p50, 1.0, ""));
                 }
             }
             Err(absent) => {
                 for (how, _) in ours {
                     let what = format!("latency of a sample at p50: {name} (sleeping) / ours ({how})");
-                    results.findings.push(Finding::not_measured(what, "≥ 1", "not installed"));
+                    results
+                        .findings
+                        .push(Finding::not_measured(what, "≥ 1", "not installed"));
                 }
                 results.skip(format!("sample latency of {name}"), absent);
             }

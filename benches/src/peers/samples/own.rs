@@ -45,6 +45,8 @@ const WARM: usize = 500;
 const SLICE: Duration = Duration::from_millis(100);
 /// A round trip that takes longer has failed.
 const LOST: Duration = Duration::from_secs(10);
+/// Longest series: processes that poll get little of a machine that is busy with other work.
+const LONGEST: Duration = Duration::from_secs(8);
 
 /// One direction's events.
 struct Bell {
@@ -57,26 +59,39 @@ impl Bell {
         let service = |name: &str| -> Result<_> {
             let name = ServiceName::new(name).map_err(|error| anyhow!("{name}: {error:?}"))?;
             let service = node.service_builder(&name).event();
-            service.open_or_create().map_err(|error| anyhow!("{name}: {error:?}"))
+            service
+                .open_or_create()
+                .map_err(|error| anyhow!("{name}: {error:?}"))
         };
         Ok(Self {
-            notifier: service(out)?.notifier_builder().create().map_err(|error| anyhow!("{out}: {error:?}"))?,
-            listener: service(back)?.listener_builder().create().map_err(|error| anyhow!("{back}: {error:?}"))?,
+            notifier: service(out)?
+                .notifier_builder()
+                .create()
+                .map_err(|error| anyhow!("{out}: {error:?}"))?,
+            listener: service(back)?
+                .listener_builder()
+                .create()
+                .map_err(|error| anyhow!("{back}: {error:?}"))?,
         })
     }
 
     fn ring(&self) -> Result<()> {
-        let rung = self.notifier.notify().map_err(|error| anyhow!("the event is not sent: {error:?}"));
+        let rung = self
+            .notifier
+            .notify()
+            .map_err(|error| anyhow!("the event is not sent: {error:?}"));
         rung.map(drop)
     }
 
     fn sleep(&self) -> Result<()> {
         let woken = self.listener.timed_wait(|_| {}, SLICE);
-        woken.map(drop).map_err(|error| anyhow!("no wait for events: {error:?}"))
+        woken
+            .map(drop)
+            .map_err(|error| anyhow!("no wait for events: {error:?}"))
     }
 }
 
-/// Adds `count` half round trips, nanoseconds, to `half_trips`.
+/// Adds up to `count` half round trips, nanoseconds, to `half_trips`; fewer if they take too long.
 ///
 /// # Errors
 /// The transport or the other process fails.
@@ -87,7 +102,9 @@ pub fn round_trips(wait: Wait, count: usize, half_trips: &mut Histogram<u64>) ->
     {
         let node = open_node(&instance)?;
         let answers = SampleSubscriber::create(&node, &instance, "pong", 4, 1)?;
-        let bell = (wait == Wait::Events).then(|| Bell::open(&node, "ping", "pong")).transpose()?;
+        let bell = (wait == Wait::Events)
+            .then(|| Bell::open(&node, "ping", "pong"))
+            .transpose()?;
         let mut echo = Process::start([
             "sample-echo".as_ref(),
             "--instance".as_ref(),
@@ -95,11 +112,17 @@ pub fn round_trips(wait: Wait, count: usize, half_trips: &mut Histogram<u64>) ->
             "--directory".as_ref(),
             directory.path().as_os_str(),
             "--wait".as_ref(),
-            if wait == Wait::Polling { "polling" } else { "events" }.as_ref(),
+            if wait == Wait::Polling {
+                "polling"
+            } else {
+                "events"
+            }
+            .as_ref(),
         ])?;
         echo.line()?;
         let mut samples = SamplePublisher::open(&node, &instance, "ping")?;
-        for round in 0..WARM + count {
+        let first = Instant::now();
+        for round in (0..WARM + count).take_while(|_| first.elapsed() < LONGEST) {
             let begin = Instant::now();
             samples.send(monotonic_ns(), &[round as f64; ELEMENTS])?;
             if let Some(bell) = &bell {
@@ -132,7 +155,9 @@ pub fn echo(options: &EchoOptions) -> Result<()> {
     let node = open_node(&instance)?;
     let samples = SampleSubscriber::create(&node, &instance, "ping", 4, 1)?;
     let mut answers = SamplePublisher::open(&node, &instance, "pong")?;
-    let bell = (options.wait == Wait::Events).then(|| Bell::open(&node, "pong", "ping")).transpose()?;
+    let bell = (options.wait == Wait::Events)
+        .then(|| Bell::open(&node, "pong", "ping"))
+        .transpose()?;
     println!("ready");
     let ends = Arc::new(AtomicBool::new(false));
     let told = Arc::clone(&ends);

@@ -16,7 +16,12 @@ const WARM: usize = 500;
 ///
 /// # Errors
 /// One of the processes fails.
-pub fn round_trips(program: &Path, bytes: usize, count: usize, half_trips: &mut Histogram<u64>) -> Result<()> {
+pub fn round_trips(
+    program: &Path,
+    bytes: usize,
+    count: usize,
+    half_trips: &mut Histogram<u64>,
+) -> Result<()> {
     let port = TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
     let start = |arguments: &[String]| {
         let mut command = Command::new(program);
@@ -25,7 +30,13 @@ pub fn round_trips(program: &Path, bytes: usize, count: usize, half_trips: &mut 
     };
     let mut pong = start(&["pong".to_owned(), port.to_string()])?;
     pong.line()?;
-    let mut ping = start(&["ping".to_owned(), port.to_string(), bytes.to_string(), count.to_string(), WARM.to_string()])?;
+    let mut ping = start(&[
+        "ping".to_owned(),
+        port.to_string(),
+        bytes.to_string(),
+        count.to_string(),
+        WARM.to_string(),
+    ])?;
     for time in ping.said::<Vec<u64>>()? {
         half_trips.record(time / 2)?;
     }
