@@ -5,8 +5,8 @@
 // test rows. All matrices have a fixed size; while the set still grows to its 40 generators the product runs over a
 // block. See contender.rs for the lines `check` and `time`.
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
+#include <Eigen/LU>
 #include <Eigen/QR>
 #include <algorithm>
 #include <array>
@@ -27,7 +27,18 @@ constexpr int KEPT = ORDER - NX;
 
 template <int R, int C> using Matrix = Eigen::Matrix<double, R, C, R == 1 || C != 1 ? Eigen::RowMajor : Eigen::ColMajor>;
 template <int R> using Vector = Eigen::Matrix<double, R, 1>;
-using Named = std::map<std::string, Eigen::MatrixXd>;
+
+// The numbers of a matrix, row by row.
+struct Numbers {
+    int rows = 0, columns = 0;
+    std::vector<double> values;
+
+    template <int R, int C> operator Matrix<R, C>() const {
+        return Eigen::Map<const Eigen::Matrix<double, R, C, C == 1 ? Eigen::ColMajor : Eigen::RowMajor>>(values.data());
+    }
+    template <int R> Vector<R> row(int i) const { return Eigen::Map<const Vector<R>>(values.data() + i * columns); }
+};
+using Named = std::map<std::string, Numbers>;
 
 static Named read(const char *path) {
     Named named;
@@ -35,12 +46,10 @@ static Named read(const char *path) {
     for (std::string line; std::getline(file, line);) {
         std::istringstream words(line);
         std::string name;
-        int rows, columns;
-        words >> name >> rows >> columns;
-        Eigen::MatrixXd values(rows, columns);
-        for (int i = 0; i < rows; ++i)
-            for (int j = 0; j < columns; ++j) words >> values(i, j);
-        named[name] = values;
+        Numbers numbers;
+        words >> name >> numbers.rows >> numbers.columns;
+        for (double value; words >> value;) numbers.values.push_back(value);
+        named[name] = numbers;
     }
     return named;
 }
@@ -49,32 +58,33 @@ class Filter {
 public:
     explicit Filter(Named &problem)
         : a_(problem["A"]), b_(problem["B"]), c_(problem["C"]), a_plus_(problem["A_uncertainty"]),
-          w_(problem["disturbance"].transpose()), v_(problem["noise"].transpose()), p0_(problem["centre"].transpose()),
-          h0_(problem["radius"].transpose()), gain_(problem["L_fix"]) {
+          w_(problem["disturbance"].row<NX>(0)), v_(problem["noise"].row<NY>(0)), p0_(problem["centre"].row<NX>(0)),
+          h0_(problem["radius"].row<NX>(0)), gain_(problem["L_fix"]) {
         // Off-line: the decoupled test rows and the row of the estimate for the settled spread.
-        const Eigen::MatrixXd cf = c_ * b_;
-        const Eigen::MatrixXd left_inverse = (cf.transpose() * cf).ldlt().solve(cf.transpose());
-        const Eigen::MatrixXd projector = Eigen::MatrixXd::Identity(NY, NY) - cf * left_inverse;
-        const Eigen::MatrixXd complete = Eigen::HouseholderQR<Eigen::MatrixXd>(cf).householderQ();
-        const Eigen::MatrixXd basis = complete.rightCols(NY - NU);
+        const Matrix<NY, NU> cf = c_ * b_;
+        const Matrix<NU, NY> left_inverse = (cf.transpose() * cf).inverse() * cf.transpose();
+        const Matrix<NY, NY> projector = Matrix<NY, NY>::Identity() - cf * left_inverse;
+        const Matrix<NY, NY> complete = Eigen::HouseholderQR<Matrix<NY, NU>>(cf).householderQ();
+        const Matrix<NY, NY - NU> basis = complete.template rightCols<NY - NU>();
         rows_.template topRows<NY>() = projector;
         rows_.template bottomRows<NU>().setZero();
         prepare();
         reset();
-        Eigen::MatrixXd spread;
+        Matrix<NY, NY> psi;
         for (int step = 0; step < 2000; ++step) {
             state_.setZero();
             box_ = a_plus_ * radius_ + w_;
-            Eigen::MatrixXd g(NX, count_ + NX);
-            g << a_ * generators_.leftCols(count_), Eigen::MatrixXd(box_.asDiagonal());
-            spread = c_ * g;
+            const Matrix<NY, NX> boxed = c_ * box_.asDiagonal();
+            psi = boxed * boxed.transpose();
+            psi += v_.array().square().matrix().asDiagonal();
+            for (int i = 0; i < count_; ++i) {
+                const Vector<NY> spread = c_ * (a_ * generators_.col(i));
+                psi += spread * spread.transpose();
+            }
             advance_set();
         }
-        const Eigen::MatrixXd psi =
-            spread * spread.transpose() + Eigen::MatrixXd(v_.array().square().matrix().asDiagonal());
-        const Eigen::MatrixXd k = basis.transpose() * psi * basis;
-        rows_.template bottomRows<NU>() =
-            left_inverse - left_inverse * psi * basis * k.ldlt().solve(basis.transpose());
+        const Matrix<NY - NU, NY - NU> k = basis.transpose() * psi * basis;
+        rows_.template bottomRows<NU>() = left_inverse - left_inverse * psi * basis * k.inverse() * basis.transpose();
         prepare();
     }
 
@@ -136,20 +146,24 @@ private:
             reduce();
             return;
         }
-        const Eigen::MatrixXd product = stacked_ * generators_.leftCols(count_);
-        bounds_ = product.bottomRows(ROWS).cwiseAbs().rowwise().sum() + magnitudes_ * box_ + constant_;
-        Eigen::MatrixXd wide(NX, count_ + NX + NY);
-        wide << product.topRows(NX), maps_.template topRows<NX>() * box_.asDiagonal(), noise_;
-        radius_ = wide.cwiseAbs().rowwise().sum();
-        if (wide.cols() <= ORDER) {
-            count_ = int(wide.cols());
-            generators_.leftCols(count_) = wide;
+        // While the set still grows.
+        bounds_ = magnitudes_ * box_ + constant_;
+        wide_.setZero();
+        for (int i = 0; i < count_; ++i) {
+            const Vector<ALL> product = stacked_ * generators_.col(i);
+            bounds_ += product.template tail<ROWS>().cwiseAbs();
+            wide_.col(i) = product.template head<NX>();
+        }
+        wide_.template middleCols<NX>(count_) = maps_.template topRows<NX>() * box_.asDiagonal();
+        wide_.template middleCols<NY>(count_ + NX) = noise_;
+        count_ += NX + NY;
+        if (count_ > ORDER) {
+            count_ = ORDER;
+            reduce();
             return;
         }
-        wide_.setZero();
-        wide_.leftCols(wide.cols()) = wide;
-        reduce();
-        count_ = ORDER;
+        generators_ = wide_.template leftCols<ORDER>();
+        radius_ = wide_.cwiseAbs().rowwise().sum();
     }
 
     // Theorem 3: the KEPT columns of largest scaled score stay in their order, the others become a box. Columns of
@@ -214,9 +228,9 @@ int main(int, char **arguments) {
     Filter filter(problem);
     std::vector<Vector<NY>> measurements;
     std::vector<Vector<NU>> commands;
-    for (int k = 0; k < problem["measurements"].rows(); ++k) {
-        measurements.emplace_back(problem["measurements"].row(k).transpose());
-        commands.emplace_back(problem["commands"].row(k).transpose());
+    for (int k = 0; k < problem["measurements"].rows; ++k) {
+        measurements.push_back(problem["measurements"].row<NY>(k));
+        commands.push_back(problem["commands"].row<NU>(k));
     }
     const auto pass = [&] {
         filter.reset();
