@@ -186,3 +186,52 @@ fn compile(environment: &Environment, source: &str, architecture: &str, headers:
     }
     Ok(program)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_implementations_in_numpy_agree_with_the_diagnosers() {
+        let room = tempfile::tempdir().unwrap();
+        let mut environment = Environment::find().unwrap();
+        if let Err(absent) = environment.python("numpy") {
+            eprintln!("left out: {absent}");
+            return;
+        }
+        environment.installed = room.path().to_owned();
+        for mut case in super::super::cases::all().unwrap() {
+            let (_, diagnoser, _) = case.own.swap_remove(0);
+            let expected = Contender::Own(diagnoser).outputs(&case).unwrap();
+            for (program, _) in case.peers.clone() {
+                // The interpreter of the virtual environment is not in this room; numpy alone is.
+                let Program::Python { package: "numpy", .. } = program else {
+                    continue;
+                };
+                let Ok(command) = start(&environment, &case, program) else {
+                    continue;
+                };
+                let (_, mut peer) = Contender::start(command.unwrap()).unwrap();
+                let found = peer.outputs(&case).unwrap();
+                agree(&expected, &found, case.tolerance)
+                    .unwrap_or_else(|error| panic!("{}: {error:#}", case.title));
+                // A run is repeatable.
+                assert_eq!(found, peer.outputs(&case).unwrap());
+            }
+        }
+    }
+
+    #[test]
+    fn a_plain_problem_has_a_line_for_every_matrix() {
+        let case = super::super::cases::all().unwrap().swap_remove(0);
+        let text = case.plain_problem();
+        let line = |name: &str| text.lines().find(|line| line.starts_with(name)).unwrap();
+        let words = |name| line(name).split(' ').count();
+        assert_eq!(
+            (words("A 4 4 "), words("L_fix 4 3 "), words("centre 1 4 ")),
+            (3 + 16, 3 + 12, 3 + 4)
+        );
+        let steps = case.inputs.measurements.len();
+        assert_eq!(words(&format!("measurements {steps} 3 ")), 3 + 3 * steps);
+    }
+}
