@@ -12,12 +12,14 @@
 //! | [`processor`] | pinning to a core, real-time priority |
 //! | [`process`] | other processes of the program itself: publishers, daemons, readers |
 //! | [`path`] | the ways of samples, bounds and alarms between processes |
+//! | [`peers`] | the same work done by what a user would take instead |
 //! | [`report`] | all results as one Markdown file with charts |
 //! | [`steps`] | single steps of every method: time, instructions, floating-point operations |
 //! | [`shared_words`] | bare shared memory, the peer of the bounds table |
 
 pub mod machine;
 pub mod path;
+pub mod peers;
 pub mod percentiles;
 pub mod process;
 pub mod processor;

@@ -8,9 +8,9 @@ use std::process::{Command as Program, ExitCode, Stdio};
 use anyhow::{Context, Result};
 use clap::{Args, Parser, Subcommand};
 use residual_benches::path::{alarm, latency, read, role, write};
-use residual_benches::report;
 use residual_benches::results::Results;
 use residual_benches::steps::{instructions, single};
+use residual_benches::{peers, report};
 
 /// How fast a step is, how late a bound, how soon an alarm, how many diagnosers fit on a core.
 #[derive(Parser)]
@@ -35,6 +35,11 @@ struct Common {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Step times, sample latency and records beside other programs.
+    Peers(peers::Options),
+    /// Sends samples back, for `peers`.
+    #[command(hide = true)]
+    SampleEcho(peers::samples::own::EchoOptions),
     /// Measures everything and writes REPORT.md with its charts.
     Report(ReportOptions),
     /// From sample and sampling instant to readable bounds, beside a bare timer loop.
@@ -69,7 +74,7 @@ struct ReportOptions {
 }
 
 /// The subcommands of a report, in its order.
-const MEASUREMENTS: [&str; 6] = ["steps", "instructions", "latency", "alarm", "read", "write"];
+const MEASUREMENTS: [&str; 7] = ["steps", "instructions", "latency", "alarm", "read", "write", "peers"];
 
 /// Lines of a failed measurement that the report shows.
 const SHOWN_LINES: usize = 20;
@@ -87,6 +92,8 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<()> {
     let common = &arguments.common;
     match &arguments.command {
+        Command::SampleEcho(options) => peers::samples::own::echo(options),
+        Command::Peers(options) => conclude(peers::run(options, common.quick)?, common),
         Command::Report(options) => write_report(options, common),
         Command::Latency(options) => conclude(latency::run(options, common.quick)?, common),
         Command::Alarm(options) => conclude(alarm::run(options, common.quick)?, common),
