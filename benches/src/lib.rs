@@ -12,8 +12,10 @@
 //! | [`processor`] | pinning to a core, real-time priority |
 //! | [`process`] | other processes of the program itself: publishers, daemons, readers |
 //! | [`report`] | all results as one Markdown file with charts |
+//! | [`load`] | how many diagnosers a core carries, and what they need |
 //! | [`shared_words`] | bare shared memory, the peer of the bounds table |
 
+pub mod load;
 pub mod machine;
 pub mod percentiles;
 pub mod process;

@@ -33,6 +33,8 @@ struct Common {
 enum Command {
     /// Measures everything and writes REPORT.md with its charts.
     Report(ReportOptions),
+    /// temporary
+    Sim { #[command(flatten)] fleet: residual_benches::load::fleet::FleetOptions, #[arg(long, default_value_t = 200)] periods: u64, #[arg(long)] faults: bool },
 }
 
 /// Arguments of `report`.
@@ -63,6 +65,18 @@ fn run(arguments: &Arguments) -> Result<()> {
     let common = &arguments.common;
     match &arguments.command {
         Command::Report(options) => write_report(options, common),
+        Command::Sim { fleet, periods, faults } => {
+            let kinds = residual_benches::load::fleet::Kinds::read()?;
+            let begin = std::time::Instant::now();
+            let mut simulation = residual_benches::load::simulated::Simulation::new(&kinds, fleet, *faults)?;
+            eprintln!("made in {:?}", begin.elapsed());
+            simulation.run(20);
+            simulation.busy = std::time::Duration::ZERO;
+            simulation.run(*periods);
+            let steps = periods * fleet.diagnosers as u64;
+            println!("{} ns a step, digest {:x}, transitions {}", simulation.busy.as_nanos() as u64 / steps, simulation.digest, simulation.transitions);
+            Ok(())
+        }
     }
 }
 
