@@ -1,9 +1,10 @@
 //! The daemon's engine and publication on a simulated clock: as fast as it goes, without iceoryx2.
 
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::Result;
+use nix::time::{ClockId, clock_gettime};
 use residual_shared::alarm::AlarmTransition;
 use residual_shared::bounds_table::{Access, TableWriter};
 use residual_shared::clock::{DaemonTime, monotonic_ns};
@@ -39,7 +40,7 @@ pub struct Simulation {
     instance: Instance,
     /// What the records said, all in one number: equal records give equal numbers.
     pub digest: u64,
-    /// Time in which the engine accepted samples, stepped and published.
+    /// Processor time in which the engine accepted samples, stepped and published.
     pub busy: Duration,
     /// Transitions of alarms.
     pub transitions: u64,
@@ -83,7 +84,7 @@ impl Simulation {
         for _ in 0..periods {
             let samples = self.plants.period();
             let end_ns = EPOCH_NS + self.period * PERIOD_NS;
-            let begin = Instant::now();
+            let begin = processor_time();
             for sample in &samples {
                 self.accept(sample, end_ns);
             }
@@ -96,7 +97,7 @@ impl Simulation {
             while let Some(due_ns) = self.engine.next_due_ns().filter(|due_ns| *due_ns < until_ns) {
                 self.engine.step_due(due_ns, monotonic_ns, &mut sink);
             }
-            self.busy += begin.elapsed();
+            self.busy += processor_time() - begin;
             while self.queue.pop().is_ok() {}
             self.period += 1;
         }
@@ -129,6 +130,11 @@ impl Drop for Simulation {
             let _ = std::fs::remove_file(file);
         }
     }
+}
+
+/// Processor time of this thread so far.
+fn processor_time() -> Duration {
+    clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID).map_or(Duration::ZERO, Into::into)
 }
 
 /// Publishes records and digests them.

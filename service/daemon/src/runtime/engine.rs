@@ -1,6 +1,7 @@
 //! Inboxes, schedule and diagnosers together: the part that a live daemon and a replay share to the last bit.
 //!
-//! The engine has no clock and no thread. Its owner hands it samples ([`Engine::accept`]) and the time
+//! The engine has no clock and no thread. Its owner hands it samples ([`Engine::accept`], or [`RecordSink::fill`] when
+//! they are about to be read, so that a turn costs what is due in it) and the time
 //! ([`Engine::step_due`]); it steps what is due and hands every record and every transition of an alarm to a
 //! [`RecordSink`]. After construction
 //! nothing here allocates.
@@ -16,8 +17,8 @@ use super::schedule::{Agenda, Timing};
 use super::unit::{DiagnoserUnit, Unit};
 use crate::lifecycle::{LifecycleState, transition};
 
-/// Longest step that the step-time histogram tells apart: one second.
-const LONGEST_STEP_NS: u64 = 1_000_000_000;
+/// Longest time that the histograms tell apart: one second.
+const LONGEST_TIME_NS: u64 = 1_000_000_000;
 
 /// Takes records and alarm transitions as they come into being.
 pub trait RecordSink {
@@ -26,6 +27,14 @@ pub trait RecordSink {
 
     /// Takes a transition of the alarm of the diagnoser in `transition.slot`, after the record that caused it.
     fn alarm(&mut self, transition: &AlarmTransition);
+
+    /// Takes the counters of the diagnoser in `slot`, after everything else of its step; `troubled` if
+    /// [`ScheduleCounters::troubles`] has risen.
+    fn counted(&mut self, _slot: usize, _counters: &ScheduleCounters, _troubled: bool) {}
+
+    /// Lets samples that wait for the input with this number come into its inbox, before a step that reads it.
+    /// Whoever hands over samples with [`Engine::accept`] has none waiting.
+    fn fill(&mut self, _input: usize, _inbox: &mut Inbox) {}
 }
 
 /// One input's inbox dimensions.
@@ -47,6 +56,7 @@ pub struct Engine {
     pub(super) units: Vec<Unit>,
     agenda: Agenda,
     pub(super) step_times_ns: Histogram<u64>,
+    pub(super) lateness_ns: Histogram<u64>,
     /// How many engines one after the other have taken over from each other.
     pub(super) generation: u64,
 }
@@ -77,7 +87,8 @@ impl Engine {
                 .map(|unit| Unit::new(unit, &inboxes))
                 .collect(),
             inboxes,
-            step_times_ns: step_time_histogram(),
+            step_times_ns: time_histogram(),
+            lateness_ns: time_histogram(),
             generation: 0,
         }
     }
@@ -107,10 +118,15 @@ impl Engine {
         let turn_begin_ns = clock_ns();
         while let Some(slot) = self.agenda.peek(now_ns) {
             let unit = &mut self.units[slot];
+            let troubles = unit.counters.troubles();
+            for &input in &*unit.inputs {
+                sink.fill(input, &mut self.inboxes[input]);
+            }
             unit.skip_what_cannot_be_caught_up(self.epoch_ns, self.catch_up_limit, now_ns);
             let begin_ns = clock_ns();
             let waited_ns = begin_ns.saturating_sub(turn_begin_ns);
-            let changes = unit.step(&mut self.inboxes, self.epoch_ns, now_ns + waited_ns);
+            let (lateness_ns, changes) = unit.step(&mut self.inboxes, self.epoch_ns, now_ns + waited_ns);
+            self.lateness_ns.saturating_record(lateness_ns);
             let taken_ns = clock_ns().saturating_sub(begin_ns);
             self.step_times_ns.saturating_record(taken_ns);
             unit.counters.max_step_ns = unit.counters.max_step_ns.max(taken_ns);
@@ -120,8 +136,16 @@ impl Engine {
             for change in changes {
                 sink.alarm(&transition(slot, &unit.record, &change));
             }
+            sink.counted(slot, &unit.counters, unit.counters.troubles() > troubles);
             self.agenda
                 .reschedule(unit.timing.due_ns(self.epoch_ns, unit.next_step));
+        }
+    }
+
+    /// Lets samples that wait for an input come into its inbox, whether or not a step that reads it is due.
+    pub fn receive(&mut self, input: usize, sink: &mut impl RecordSink) {
+        if let Some(inbox) = self.inboxes.get_mut(input) {
+            sink.fill(input, inbox);
         }
     }
 
@@ -202,11 +226,17 @@ impl Engine {
     pub fn step_times_ns(&self) -> &Histogram<u64> {
         &self.step_times_ns
     }
+
+    /// Distribution of the delays of all steps behind their due times (instant + margin), nanoseconds of the daemon's
+    /// time.
+    pub fn lateness_ns(&self) -> &Histogram<u64> {
+        &self.lateness_ns
+    }
 }
 
 /// A histogram of three digits with a fixed range, so that recording never allocates.
-fn step_time_histogram() -> Histogram<u64> {
-    match Histogram::new_with_bounds(1, LONGEST_STEP_NS, 3) {
+fn time_histogram() -> Histogram<u64> {
+    match Histogram::new_with_bounds(1, LONGEST_TIME_NS, 3) {
         Ok(histogram) => histogram,
         Err(error) => unreachable!("the bounds are constants within hdrhistogram's limits: {error}"),
     }

@@ -27,6 +27,7 @@ impl Engine {
     pub fn take_over(&mut self, old: &mut Self, same: &Correspondence, now_ns: u64) {
         self.generation = old.generation + 1;
         std::mem::swap(&mut self.step_times_ns, &mut old.step_times_ns);
+        std::mem::swap(&mut self.lateness_ns, &mut old.lateness_ns);
         for (inbox, place) in self.inboxes.iter_mut().zip(&same.inputs) {
             if let Some(before) = place.and_then(|place| old.inboxes.get_mut(place)) {
                 before.accept_backward_like(inbox);
@@ -39,6 +40,7 @@ impl Engine {
                 std::mem::swap(unit, before);
                 unit.assembler.exchange_inputs(&mut before.assembler);
                 std::mem::swap(&mut unit.enabling, &mut before.enabling);
+                std::mem::swap(&mut unit.inputs, &mut before.inputs);
                 continue;
             }
             let replaced = place_in(&same.replaced).and_then(|place| old.units.get(place));

@@ -45,6 +45,8 @@ impl DiagnoserUnit {
 pub(super) struct Unit {
     pub(super) diagnoser: Box<dyn Diagnoser>,
     pub(super) timing: Timing,
+    /// The inputs that it reads, each once.
+    pub(super) inputs: Box<[usize]>,
     pub(super) assembler: Assembler,
     /// Whether a sample of any input has come: only then the diagnoser's own time begins, wherever its model
     /// starts from. So a replay and a daemon that waited for its sensors say the same.
@@ -68,7 +70,15 @@ impl Unit {
         let channel_count = description.channels.len();
         let (measurements, commands) = (&unit.measurements, &unit.commands);
         let assembler = Assembler::new(measurements, commands, unit.command_delay_steps);
+        let signals = measurements.iter().chain(commands).copied();
+        let mut inputs: Vec<usize> = signals
+            .chain(unit.enabling.signals())
+            .map(|signal| signal.input)
+            .collect();
+        inputs.sort_unstable();
+        inputs.dedup();
         Self {
+            inputs: inputs.into(),
             assembler: match &description.packets {
                 Some(rules) => assembler.with_packets(rules, measurements, commands, inboxes),
                 None => assembler,
@@ -115,8 +125,8 @@ impl Unit {
         self.skipped += count;
     }
 
-    /// Does the step of the next instant and gives the changes of the alarm.
-    pub(super) fn step(&mut self, inboxes: &mut [Inbox], epoch_ns: u64, now_ns: u64) -> Changes {
+    /// Does the step of the next instant; gives its lateness, nanoseconds, and the changes of the alarm.
+    pub(super) fn step(&mut self, inboxes: &mut [Inbox], epoch_ns: u64, now_ns: u64) -> (u64, Changes) {
         let instant_ns = self.timing.instant_ns(epoch_ns, self.next_step);
         let lateness_ns = now_ns.saturating_sub(instant_ns + self.timing.margin_ns);
         let after_ns = instant_ns.saturating_sub(self.timing.period_ns);
@@ -154,6 +164,6 @@ impl Unit {
         self.counters.overruns += u64::from(overrun);
         self.counters.input_missing += u64::from(gathered.missing);
         self.counters.max_lateness_ns = self.counters.max_lateness_ns.max(lateness_ns);
-        changes
+        (lateness_ns, changes)
     }
 }
