@@ -1,10 +1,13 @@
 //! `residual-bench`: measures residuald as its users meet it, in processes, with percentiles and peers in the same run.
 
+use std::collections::VecDeque;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command as Program, ExitCode, Stdio};
 
 use anyhow::{Context, Result};
 use clap::{Args, Parser, Subcommand};
+use residual_benches::load::{daemon, publishers, replay, soak, steady, throughput};
 use residual_benches::report;
 use residual_benches::results::Results;
 
@@ -33,8 +36,20 @@ struct Common {
 enum Command {
     /// Measures everything and writes REPORT.md with its charts.
     Report(ReportOptions),
-    /// temporary
-    Sim { #[command(flatten)] fleet: residual_benches::load::fleet::FleetOptions, #[arg(long, default_value_t = 200)] periods: u64, #[arg(long)] faults: bool },
+    /// How many diagnosers of all methods one core carries at 100 Hz.
+    Throughput(throughput::ThroughputOptions),
+    /// Memory and missed instants of a daemon over a long time.
+    Soak(soak::SoakOptions),
+    /// Page faults and system calls of a running daemon's step thread.
+    Steady(steady::SteadyOptions),
+    /// Recordings of all methods against real time.
+    Replay,
+    #[command(hide = true)]
+    LoadDaemon(daemon::DaemonRole),
+    #[command(hide = true)]
+    LoadPublisher(publishers::PublisherRole),
+    #[command(hide = true)]
+    LoadReplay(replay::ReplayRole),
 }
 
 /// Arguments of `report`.
@@ -49,7 +64,10 @@ struct ReportOptions {
 }
 
 /// The subcommands of a report, in its order.
-const MEASUREMENTS: [&str; 0] = [];
+const MEASUREMENTS: [&str; 4] = ["throughput", "soak", "steady", "replay"];
+
+/// Lines of a failed measurement that the report shows.
+const SHOWN_LINES: usize = 20;
 
 fn main() -> ExitCode {
     match run(&Arguments::parse()) {
@@ -65,23 +83,17 @@ fn run(arguments: &Arguments) -> Result<()> {
     let common = &arguments.common;
     match &arguments.command {
         Command::Report(options) => write_report(options, common),
-        Command::Sim { fleet, periods, faults } => {
-            let kinds = residual_benches::load::fleet::Kinds::read()?;
-            let begin = std::time::Instant::now();
-            let mut simulation = residual_benches::load::simulated::Simulation::new(&kinds, fleet, *faults)?;
-            eprintln!("made in {:?}", begin.elapsed());
-            simulation.run(20);
-            simulation.busy = std::time::Duration::ZERO;
-            simulation.run(*periods);
-            let steps = periods * fleet.diagnosers as u64;
-            println!("{} ns a step, digest {:x}, transitions {}", simulation.busy.as_nanos() as u64 / steps, simulation.digest, simulation.transitions);
-            Ok(())
-        }
+        Command::Throughput(options) => conclude(throughput::measure(options, common.quick)?, common),
+        Command::Soak(options) => conclude(soak::measure(options, common.quick)?, common),
+        Command::Steady(options) => conclude(steady::measure(options, common.quick)?, common),
+        Command::Replay => conclude(replay::measure(common.quick)?, common),
+        Command::LoadDaemon(role) => daemon::play(role),
+        Command::LoadPublisher(role) => publishers::play(role),
+        Command::LoadReplay(role) => replay::play(role),
     }
 }
 
 /// Saves and prints what a subcommand has measured.
-#[expect(dead_code, reason = "no subcommand yet")]
 fn conclude(results: Results, common: &Common) -> Result<()> {
     let results = results.save(&common.results)?;
     print!("{}", report::of_one(&results));
@@ -112,6 +124,7 @@ fn write_report(options: &ReportOptions, common: &Common) -> Result<()> {
     Ok(())
 }
 
+/// Runs one measurement; what it says on its standard error is shown, and its end is part of the error if it fails.
 fn measure(name: &str, common: &Common) -> Result<()> {
     eprintln!("== {name}");
     forget(&common.results, name);
@@ -120,8 +133,19 @@ fn measure(name: &str, common: &Common) -> Result<()> {
     if common.quick {
         program.arg("--quick");
     }
-    let status = program.stdout(Stdio::null()).status()?;
-    anyhow::ensure!(status.success(), "it ended with {status}");
+    let mut running = program.stdout(Stdio::null()).stderr(Stdio::piped()).spawn()?;
+    let mut last_lines = VecDeque::new();
+    for line in BufReader::new(running.stderr.take().context("no standard error")?).lines() {
+        let line = line?;
+        eprintln!("{line}");
+        last_lines.push_back(line);
+        if last_lines.len() > SHOWN_LINES {
+            last_lines.pop_front();
+        }
+    }
+    let status = running.wait()?;
+    let last_lines = Vec::from(last_lines).join("\n");
+    anyhow::ensure!(status.success(), "it ended with {status}\n{last_lines}");
     Ok(())
 }
 

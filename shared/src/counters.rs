@@ -80,7 +80,10 @@ counters! {
 impl InputCounters {
     /// How often something was rejected, lost, late or changed: the sum of all counters but `accepted`.
     pub fn troubles(&self) -> u64 {
-        self.to_words().iter().skip(1).fold(0, |sum, count| sum.wrapping_add(*count))
+        self.to_words()
+            .iter()
+            .skip(1)
+            .fold(0, |sum, count| sum.wrapping_add(*count))
     }
 }
 

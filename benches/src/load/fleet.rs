@@ -291,8 +291,15 @@ mod tests {
             phases: Phases::Spread,
             ..OPTIONS
         };
-        let fleet = Kinds::read().unwrap().configuration(&options, &"fleet".parse().unwrap());
+        let fleet = Kinds::read()
+            .unwrap()
+            .configuration(&options, &"fleet".parse().unwrap());
         let phases: Vec<u64> = fleet.diagnosers.iter().map(|d| d.phase_ns).collect();
-        assert!(phases.windows(2).all(|pair| (833_333..=833_334).contains(&(pair[1] - pair[0]))), "{phases:?}");
+        assert!(
+            phases
+                .windows(2)
+                .all(|pair| (833_333..=833_334).contains(&(pair[1] - pair[0]))),
+            "{phases:?}"
+        );
     }
 }

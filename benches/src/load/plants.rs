@@ -56,11 +56,24 @@ impl Plants {
         let (two_state_a, inputs) = zero_order_hold(&two_state.matrix("A")?, &inputs, PERIOD_NS as f64 / 1e9);
         let held = zero_order_hold(&target.matrix("A")?, &target.matrix("B")?, TENTH_NS as f64 / 1e9);
         Ok(Self {
-            vtol: plant(vtol.matrix("A")?, vtol.matrix("B")?, vtol.matrix("D")?, vtol.matrix("C")?),
-            servo: plant(servo.matrix("A")?, servo.matrix("B")?, servo.matrix("D")?, servo.matrix("C")?),
-            target: plant(held.0, held.1.clone(), held.1, DMatrix::from_fn(2, 4, |row, column| {
-                if column == 2 * row { 1.0 } else { 0.0 }
-            })),
+            vtol: plant(
+                vtol.matrix("A")?,
+                vtol.matrix("B")?,
+                vtol.matrix("D")?,
+                vtol.matrix("C")?,
+            ),
+            servo: plant(
+                servo.matrix("A")?,
+                servo.matrix("B")?,
+                servo.matrix("D")?,
+                servo.matrix("C")?,
+            ),
+            target: plant(
+                held.0,
+                held.1.clone(),
+                held.1,
+                DMatrix::from_fn(2, 4, |row, column| if column == 2 * row { 1.0 } else { 0.0 }),
+            ),
             two_state: LinearPlant {
                 d: two_state.matrix("D")?,
                 d_d: two_state.matrix("Dd")?,
@@ -118,7 +131,10 @@ impl Plants {
         let command = DVector::from_element(1, 1.0);
         let disturbance = DVector::from_element(1, 0.01 * (0.01 * time).sin());
         let wrong_sensor = DVector::from_vec(vec![0.0, fault(0.2)]);
-        say(two_state, &(output(&self.two_state, &command, &disturbance) + wrong_sensor));
+        say(
+            two_state,
+            &(output(&self.two_state, &command, &disturbance) + wrong_sensor),
+        );
         say(two_state + 1, &command);
         advance(&mut self.two_state, &command, &disturbance);
 
@@ -126,7 +142,10 @@ impl Plants {
         let noises = DVector::from_vec(vec![draw.normal(0.05), draw.normal(1e-3)]);
         let noise = [draw.normal(1.5), draw.normal(0.08)];
         let measured = output(&self.vehicle, &command, &noises);
-        say(vehicle, &DVector::from_element(1, measured[0] + noise[0] + fault(20.0)));
+        say(
+            vehicle,
+            &DVector::from_element(1, measured[0] + noise[0] + fault(20.0)),
+        );
         say(vehicle + 1, &DVector::from_element(1, measured[1] + noise[1]));
         say(vehicle + 2, &command);
         advance(&mut self.vehicle, &command, &noises);
@@ -185,12 +204,18 @@ impl<'a> Model<'a> {
             .map(|row| row.as_array().into_iter().flatten().filter_map(number).collect())
             .collect();
         let columns = entries.first().map_or(0, Vec::len);
-        Ok(DMatrix::from_row_iterator(entries.len(), columns, entries.into_iter().flatten()))
+        Ok(DMatrix::from_row_iterator(
+            entries.len(),
+            columns,
+            entries.into_iter().flatten(),
+        ))
     }
 }
 
 fn number(value: &Value) -> Option<f64> {
-    value.as_float().or_else(|| value.as_integer().map(|integer| integer as f64))
+    value
+        .as_float()
+        .or_else(|| value.as_integer().map(|integer| integer as f64))
 }
 
 /// A plant at rest without direct terms.

@@ -55,7 +55,12 @@ impl Simulation {
         let instance = instance("simulated")?;
         let configuration: Configuration = kinds.configuration(options, &instance.name);
         let diagnosers = diagnosers(&kinds.design()?, options);
-        let spec = table_spec(&configuration, &descriptions(&diagnosers), DaemonTime::MONOTONIC, EPOCH_NS);
+        let spec = table_spec(
+            &configuration,
+            &descriptions(&diagnosers),
+            DaemonTime::MONOTONIC,
+            EPOCH_NS,
+        );
         let access = Access {
             group: None,
             mode: 0o600,
@@ -116,7 +121,8 @@ impl Simulation {
             };
             self.sequences[input] += 1;
             if let Some(elements) = &sample.elements {
-                self.engine.accept(input, 1, header, elements, end_ns + ARRIVAL_NS);
+                self.engine
+                    .accept(input, 1, header, elements, end_ns + ARRIVAL_NS);
             }
         }
     }
@@ -148,7 +154,9 @@ impl RecordSink for Digested<'_> {
     fn publish(&mut self, slot: usize, record: &StepRecord) -> bool {
         let mut words = [slot as u64, record.step, u64::from(record.verdict), 0];
         for channel in record.channels() {
-            words[3] = words[3].rotate_left(7) ^ channel.residual.to_bits() ^ channel.ratio.to_bits().rotate_left(32);
+            words[3] = words[3].rotate_left(7)
+                ^ channel.residual.to_bits()
+                ^ channel.ratio.to_bits().rotate_left(32);
         }
         for word in words {
             *self.digest = (*self.digest ^ word).wrapping_mul(0x0100_0000_01b3);

@@ -21,6 +21,8 @@ pub struct Summary {
     pub control: ControlCounters,
     /// Durations of all steps.
     pub step_times: StepTimes,
+    /// Delays of all steps behind their due times.
+    pub lateness: StepTimes,
 }
 
 /// How a diagnoser was scheduled.
@@ -41,13 +43,15 @@ pub struct InputSummary {
     pub counters: Vec<(String, u64)>,
 }
 
-/// Percentiles of the step times, nanoseconds.
+/// Percentiles of a time of every step, nanoseconds.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct StepTimes {
     /// Number of steps.
     pub count: u64,
     /// Median.
     pub p50_ns: u64,
+    /// 90th percentile.
+    pub p90_ns: u64,
     /// 99th percentile.
     pub p99_ns: u64,
     /// 99.9th percentile.
@@ -62,6 +66,7 @@ impl StepTimes {
         Self {
             count: histogram.len(),
             p50_ns: histogram.value_at_quantile(0.5),
+            p90_ns: histogram.value_at_quantile(0.9),
             p99_ns: histogram.value_at_quantile(0.99),
             p999_ns: histogram.value_at_quantile(0.999),
             max_ns: histogram.max(),
@@ -115,6 +120,7 @@ impl Summary {
                 .collect(),
             control,
             step_times: StepTimes::of(engine.step_times_ns()),
+            lateness: StepTimes::of(engine.lateness_ns()),
         }
     }
 
@@ -161,6 +167,7 @@ impl fmt::Display for Summary {
             formatter,
             "control requests: answered {answered}, rejected {rejected}, timed out {timed_out}"
         )?;
-        write!(formatter, "step time: {}", self.step_times)
+        writeln!(formatter, "step time: {}", self.step_times)?;
+        write!(formatter, "lateness: {}", self.lateness)
     }
 }

@@ -109,6 +109,7 @@ impl Publication {
     /// Sends step records while somebody of this audience listens, and no others: copying them costs more memory
     /// traffic than all else that is published.
     pub fn record_for(&mut self, audience: RecordAudience) {
+        self.is_recording = !audience.is_empty();
         self.audience = Some(audience);
     }
 
@@ -234,7 +235,10 @@ impl Sweep {
         }
         self.last_ns = now_ns;
         let begin = if self.next < inputs { self.next } else { 0 };
-        let (end, wrapped) = ((begin + count).min(inputs), (begin + count).saturating_sub(inputs));
+        let (end, wrapped) = (
+            (begin + count).min(inputs),
+            (begin + count).saturating_sub(inputs),
+        );
         self.next = if wrapped > 0 { wrapped } else { end };
         [begin..end, 0..wrapped]
     }
