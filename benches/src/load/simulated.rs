@@ -1,6 +1,5 @@
-//! The daemon's engine and publication on a simulated clock: as fast as it goes, without iceoryx2.
+//! The daemon's engine and publication on a simulated clock, as fast as it goes: samples do not come over iceoryx2.
 
-use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::Result;
@@ -11,6 +10,7 @@ use residual_shared::clock::{DaemonTime, monotonic_ns};
 use residual_shared::names::Instance;
 use residual_shared::record::StepRecord;
 use residual_shared::sample::SampleHeader;
+use residual_shared::transport::{self, Node, RecordAudience, RecordPublisher};
 use residuald::assembly::{assemble, descriptions, table_spec};
 use residuald::configuration::Configuration;
 use residuald::runtime::companion::Message;
@@ -37,13 +37,16 @@ pub struct Simulation {
     sequences: Vec<u64>,
     inputs_of_set: usize,
     period: u64,
-    instance: Instance,
     /// What the records said, all in one number: equal records give equal numbers.
     pub digest: u64,
     /// Processor time in which the engine accepted samples, stepped and published.
     pub busy: Duration,
     /// Transitions of alarms.
     pub transitions: u64,
+    // In this order: the stream of records that nobody listens to, its node, and what is left of them.
+    _stream: RecordPublisher,
+    _node: Node,
+    _place: Place,
 }
 
 impl Simulation {
@@ -69,18 +72,24 @@ impl Simulation {
         let inputs = configuration.inputs.len();
         let engine = assemble(&configuration, diagnosers, EPOCH_NS, 1.0);
         let (sender, queue) = rtrb::RingBuffer::new(configuration.daemon.record_queue);
+        let node = transport::open_node(&instance)?;
+        let stream = RecordPublisher::create(&node, &instance)?;
+        let mut publication = Publication::new(table, sender, Reported::of(&engine));
+        publication.record_for(RecordAudience::open(&node, &instance)?);
         Ok(Self {
-            publication: Publication::new(table, sender, Reported::of(&engine)),
+            publication,
             engine,
             queue,
             plants: Plants::new(kinds, with_faults, 1)?,
             sequences: vec![0; inputs],
             inputs_of_set: inputs / options.input_sets(),
             period: 0,
-            instance,
             digest: 0xcbf2_9ce4_8422_2325,
             busy: Duration::ZERO,
             transitions: 0,
+            _stream: stream,
+            _node: node,
+            _place: Place(instance),
         })
     }
 
@@ -128,13 +137,14 @@ impl Simulation {
     }
 }
 
-impl Drop for Simulation {
+/// The files of an instance; they disappear with it.
+struct Place(Instance);
+
+impl Drop for Place {
     fn drop(&mut self) {
-        let files: [PathBuf; 1] = [self.instance.bounds_path()];
-        for file in files {
-            // Whoever removed it before was right as well.
-            let _ = std::fs::remove_file(file);
-        }
+        // What cannot be removed harms nobody but the memory that it takes.
+        let _ = transport::remove_leftovers(&self.0);
+        let _ = std::fs::remove_file(self.0.bounds_path());
     }
 }
 
