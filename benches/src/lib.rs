@@ -15,8 +15,10 @@
 //! | [`peers`] | the same work done by what a user would take instead |
 //! | [`report`] | all results as one Markdown file with charts |
 //! | [`steps`] | single steps of every method: time, instructions, floating-point operations |
+//! | [`load`] | how many diagnosers a core carries, and what they need |
 //! | [`shared_words`] | bare shared memory, the peer of the bounds table |
 
+pub mod load;
 pub mod machine;
 pub mod path;
 pub mod peers;

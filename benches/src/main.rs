@@ -7,6 +7,7 @@ use std::process::{Command as Program, ExitCode, Stdio};
 
 use anyhow::{Context, Result};
 use clap::{Args, Parser, Subcommand};
+use residual_benches::load::{daemon, publishers, replay, soak, steady, throughput};
 use residual_benches::path::{alarm, latency, read, role, write};
 use residual_benches::results::Results;
 use residual_benches::steps::{instructions, single};
@@ -60,6 +61,20 @@ enum Command {
     /// Steps one case; what `instructions` counts.
     #[command(hide = true)]
     StepCase(instructions::ChildOptions),
+    /// How many diagnosers of all methods one core carries at 100 Hz.
+    Throughput(throughput::ThroughputOptions),
+    /// Memory and missed instants of a daemon over a long time.
+    Soak(soak::SoakOptions),
+    /// Page faults and system calls of a running daemon's step thread.
+    Steady(steady::SteadyOptions),
+    /// Recordings of all methods against real time.
+    Replay,
+    #[command(hide = true)]
+    LoadDaemon(daemon::DaemonRole),
+    #[command(hide = true)]
+    LoadPublisher(publishers::PublisherRole),
+    #[command(hide = true)]
+    LoadReplay(replay::ReplayRole),
 }
 
 /// Arguments of `report`.
@@ -74,7 +89,9 @@ struct ReportOptions {
 }
 
 /// The subcommands of a report, in its order.
-const MEASUREMENTS: [&str; 7] = ["steps", "instructions", "latency", "alarm", "read", "write", "peers"];
+const MEASUREMENTS: [&str; 11] = [
+    "steps", "instructions", "latency", "alarm", "read", "write", "throughput", "soak", "steady", "replay", "peers",
+];
 
 /// Lines of a failed measurement that the report shows.
 const SHOWN_LINES: usize = 20;
@@ -103,6 +120,13 @@ fn run(arguments: &Arguments) -> Result<()> {
         Command::Steps(options) => conclude(single::run(options, common.quick)?, common),
         Command::Instructions(options) => conclude(instructions::run(options, common.quick)?, common),
         Command::StepCase(options) => instructions::run_child(options),
+        Command::Throughput(options) => conclude(throughput::measure(options, common.quick)?, common),
+        Command::Soak(options) => conclude(soak::measure(options, common.quick)?, common),
+        Command::Steady(options) => conclude(steady::measure(options, common.quick)?, common),
+        Command::Replay => conclude(replay::measure(common.quick)?, common),
+        Command::LoadDaemon(role) => daemon::play(role),
+        Command::LoadPublisher(role) => publishers::play(role),
+        Command::LoadReplay(role) => replay::play(role),
     }
 }
 

@@ -77,6 +77,25 @@ counters! {
     }
 }
 
+impl InputCounters {
+    /// How often something was rejected, lost, late or changed: the sum of all counters but `accepted`.
+    pub fn troubles(&self) -> u64 {
+        self.to_words()
+            .iter()
+            .skip(1)
+            .fold(0, |sum, count| sum.wrapping_add(*count))
+    }
+}
+
+impl ScheduleCounters {
+    /// How often something was late or lost by the daemon's own doing: overruns, skipped instants, dropped records.
+    pub fn troubles(&self) -> u64 {
+        self.overruns
+            .wrapping_add(self.skipped)
+            .wrapping_add(self.records_dropped)
+    }
+}
+
 counters! {
     /// Where the alarm of one diagnoser stands.
     AlarmStatus {

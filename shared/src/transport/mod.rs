@@ -31,7 +31,7 @@ mod samples;
 
 pub use alarm_events::{AlarmEvents, AlarmNotifier};
 pub use control::{Asker, ControlClient, ControlServer, RequestError};
-pub use records::{RecordHeader, RecordPublisher, RecordSubscriber};
+pub use records::{RecordAudience, RecordHeader, RecordPublisher, RecordSubscriber};
 pub use samples::{SamplePublisher, SampleSubscriber, SendError};
 
 /// A process's access to the iceoryx2 services of one instance.

@@ -3,6 +3,7 @@
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::{ZeroCopySend, ipc};
+use iceoryx2::service::port_factory::PortFactory as _;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use super::{MAX_NODES, Node, SendError, TransportError, open_error, refused, room, service_name};
@@ -88,6 +89,33 @@ impl RecordPublisher {
     }
 }
 
+/// Whether there is anybody to send step records to.
+pub struct RecordAudience {
+    service: RecordService,
+}
+
+impl RecordAudience {
+    /// Opens the service that a [`RecordPublisher`] has created.
+    pub fn open(node: &Node, instance: &Instance) -> Result<Self, TransportError> {
+        Ok(Self {
+            service: open_service(node, &instance.record_service())?,
+        })
+    }
+
+    /// Whether nobody listens. One look at shared memory: no allocation and no system call.
+    pub fn is_empty(&self) -> bool {
+        self.service.dynamic_config().number_of_subscribers() == 0
+    }
+}
+
+fn open_service(node: &Node, name: &str) -> Result<RecordService, TransportError> {
+    node.service_builder(&service_name(name)?)
+        .publish_subscribe::<StepRecord>()
+        .user_header::<RecordHeader>()
+        .open()
+        .map_err(|error| open_error(name, error))
+}
+
 /// A recorder's end of the stream of step records.
 pub struct RecordSubscriber {
     subscriber: Subscriber<ipc::Service, StepRecord, RecordHeader>,
@@ -97,13 +125,7 @@ impl RecordSubscriber {
     /// Opens the daemon's stream; records from now on are received.
     pub fn open(node: &Node, instance: &Instance) -> Result<Self, TransportError> {
         let name = instance.record_service();
-        let service: RecordService = node
-            .service_builder(&service_name(&name)?)
-            .publish_subscribe::<StepRecord>()
-            .user_header::<RecordHeader>()
-            .open()
-            .map_err(|error| open_error(&name, error))?;
-        let subscriber = service
+        let subscriber = open_service(node, &name)?
             .subscriber_builder()
             .buffer_size(RECORDER_BUFFER)
             .create()

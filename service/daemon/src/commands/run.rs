@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 
 use residual_shared::bounds_table::{Access, CreateError, PreparedTable};
 use residual_shared::names::Instance;
-use residual_shared::transport::{self, Node, TransportError};
+use residual_shared::transport::{self, Node, RecordAudience, TransportError};
 use rtrb::Producer;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
@@ -20,7 +20,7 @@ use crate::runtime::command::{self, CommandInbox};
 use crate::runtime::companion::{Companion, Control, Message};
 use crate::runtime::exchange::{Reported, Subscription};
 use crate::runtime::life::Life;
-use crate::runtime::live::{Publication, StepLoop};
+use crate::runtime::live::{Publication, StepLoop, Sweep};
 use crate::runtime::lock::{InstanceLock, LockError};
 use crate::runtime::real_time;
 use crate::runtime::resume::resume_alarms;
@@ -122,7 +122,7 @@ fn monitor(
     // longer than a sampling period.
     real_time::apply(&running.configuration.realtime);
     let life = Life::begin(&running.configuration.daemon, speed);
-    let step_loop = step_loop(
+    let mut step_loop = step_loop(
         Arc::clone(&running),
         diagnosers,
         &life,
@@ -131,6 +131,9 @@ fn monitor(
         inbox,
         &signals.stop,
     )?;
+    step_loop
+        .publication
+        .record_for(RecordAudience::open(&node, instance)?);
     upkeep.begin(life.grid);
     info!(
         instance = %instance.name,
@@ -192,6 +195,7 @@ pub fn step_loop<'a>(
     }
     let table = prepared.publish()?;
     let publication = Publication::new(table, queue, Reported::of(&engine));
+    publication.publish_all_counters(&engine);
     Ok(StepLoop {
         engine,
         running,
@@ -201,6 +205,7 @@ pub fn step_loop<'a>(
         commands,
         time: grid.time,
         stop,
+        sweep: Sweep::default(),
     })
 }
 

@@ -27,6 +27,11 @@ impl Enabling {
         Self { conditions }
     }
 
+    /// The signals that decide.
+    pub fn signals(&self) -> impl Iterator<Item = SignalReference> {
+        self.conditions.iter().map(|condition| condition.signal)
+    }
+
     /// The set of enabled channels; `value_of` gives the newest value of a signal, none before the first one.
     pub fn enabled(&self, mut value_of: impl FnMut(SignalReference) -> Option<f64>) -> u64 {
         self.conditions.iter().fold(ALL_CHANNELS, |enabled, condition| {

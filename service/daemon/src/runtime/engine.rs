@@ -1,6 +1,7 @@
 //! Inboxes, schedule and diagnosers together: the part that a live daemon and a replay share to the last bit.
 //!
-//! The engine has no clock and no thread. Its owner hands it samples ([`Engine::accept`]) and the time
+//! The engine has no clock and no thread. Its owner hands it samples ([`Engine::accept`], or [`RecordSink::fill`] when
+//! they are about to be read, so that a turn costs what is due in it) and the time
 //! ([`Engine::step_due`]); it steps what is due and hands every record and every transition of an alarm to a
 //! [`RecordSink`]. After construction
 //! nothing here allocates.
@@ -26,6 +27,14 @@ pub trait RecordSink {
 
     /// Takes a transition of the alarm of the diagnoser in `transition.slot`, after the record that caused it.
     fn alarm(&mut self, transition: &AlarmTransition);
+
+    /// Takes the counters of the diagnoser in `slot`, after everything else of its step; `troubled` if
+    /// [`ScheduleCounters::troubles`] has risen.
+    fn counted(&mut self, _slot: usize, _counters: &ScheduleCounters, _troubled: bool) {}
+
+    /// Lets samples that wait for the input with this number come into its inbox, before a step that reads it.
+    /// Whoever hands over samples with [`Engine::accept`] has none waiting.
+    fn fill(&mut self, _input: usize, _inbox: &mut Inbox) {}
 }
 
 /// One input's inbox dimensions.
@@ -109,6 +118,10 @@ impl Engine {
         let turn_begin_ns = clock_ns();
         while let Some(slot) = self.agenda.peek(now_ns) {
             let unit = &mut self.units[slot];
+            let troubles = unit.counters.troubles();
+            for &input in &*unit.inputs {
+                sink.fill(input, &mut self.inboxes[input]);
+            }
             unit.skip_what_cannot_be_caught_up(self.epoch_ns, self.catch_up_limit, now_ns);
             let begin_ns = clock_ns();
             let waited_ns = begin_ns.saturating_sub(turn_begin_ns);
@@ -124,8 +137,16 @@ impl Engine {
             for change in changes {
                 sink.alarm(&transition(slot, &unit.record, &change));
             }
+            sink.counted(slot, &unit.counters, unit.counters.troubles() > troubles);
             self.agenda
                 .reschedule(unit.timing.due_ns(self.epoch_ns, unit.next_step));
+        }
+    }
+
+    /// Lets samples that wait for an input come into its inbox, whether or not a step that reads it is due.
+    pub fn receive(&mut self, input: usize, sink: &mut impl RecordSink) {
+        if let Some(inbox) = self.inboxes.get_mut(input) {
+            sink.fill(input, inbox);
         }
     }
 

@@ -93,6 +93,8 @@ pub struct Subscription {
     pub input: usize,
     /// Its subscriber.
     pub subscriber: SampleSubscriber,
+    /// Begin of the turn in which it was looked at last, CLOCK_MONOTONIC in nanoseconds.
+    pub received_ns: u64,
 }
 
 impl Subscription {
@@ -109,7 +111,11 @@ impl Subscription {
         } = &configuration.inputs[input];
         let instance = configuration.daemon.instance();
         let subscriber = SampleSubscriber::create(node, &instance, name, *buffer_samples, *max_publishers)?;
-        Ok(Self { input, subscriber })
+        Ok(Self {
+            input,
+            subscriber,
+            received_ns: 0,
+        })
     }
 }
 
@@ -152,6 +158,8 @@ impl StepLoop<'_> {
             })
         });
         self.subscriptions.extend(created);
+        self.subscriptions
+            .sort_unstable_by_key(|subscription| subscription.input);
         self.publication.go_on(&self.engine, exchange);
         Ok(())
     }
@@ -192,6 +200,7 @@ impl Publication {
             // There was room before, and this thread alone fills the queue.
             let _ = self.queue.push(Message::Reloaded(introduction));
         }
-        self.publish_counters(engine, monotonic_ns());
+        self.publish_all_counters(engine);
+        self.keep_up(engine, monotonic_ns());
     }
 }

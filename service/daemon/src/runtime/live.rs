@@ -3,6 +3,7 @@
 //! Between start and stop this loop makes no allocation, takes no lock, writes no log, and makes two kinds of
 //! system call: the wait, and the wake-up at an alarm's transition.
 
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -11,13 +12,14 @@ use residual_shared::bounds_table::{HEARTBEAT_PERIOD_NS, TableWriter};
 use residual_shared::clock::{DaemonTime, monotonic_ns, sleep_until_monotonic};
 use residual_shared::counters::{InputCounters, ScheduleCounters};
 use residual_shared::record::StepRecord;
-use residual_shared::transport::Node;
+use residual_shared::transport::{Node, RecordAudience};
 use rtrb::Producer;
 
 use super::command::{COMMANDS_PER_TURN, Command, CommandInbox, Reply};
 use super::companion::Message;
 use super::engine::{Engine, RecordSink};
 use super::exchange::{Reported, Subscription};
+use super::inbox::Inbox;
 use super::running::Running;
 
 /// How long a part of a snapshot may keep the steps of a turn waiting, nanoseconds.
@@ -57,12 +59,21 @@ pub struct Publication {
     pub(super) table: TableWriter,
     pub(super) queue: Producer<Message>,
     pub(super) reported: Reported,
+    /// Who listens to the step records; none: nobody knows, and every record goes into the queue.
+    audience: Option<RecordAudience>,
+    /// Whether the records of this turn go into the queue.
+    is_recording: bool,
+    /// Whether counters tell of a loss or a delay that the log may not know yet.
+    troubled: bool,
     next_report_ns: u64,
 }
 
 impl RecordSink for Publication {
     fn publish(&mut self, slot: usize, record: &StepRecord) -> bool {
         self.table.publish(slot, record);
+        if !self.is_recording {
+            return true;
+        }
         let message = Message::Record {
             epoch: self.table.epoch(),
             slot,
@@ -74,6 +85,11 @@ impl RecordSink for Publication {
     fn alarm(&mut self, transition: &AlarmTransition) {
         self.table.raise(transition);
     }
+
+    fn counted(&mut self, slot: usize, counters: &ScheduleCounters, troubled: bool) {
+        self.table.publish_schedule_counters(slot, counters);
+        self.troubled |= troubled;
+    }
 }
 
 impl Publication {
@@ -83,26 +99,48 @@ impl Publication {
             table,
             queue,
             reported,
+            audience: None,
+            is_recording: true,
+            troubled: false,
             next_report_ns: 0,
         }
     }
 
-    /// Writes heartbeat and counters to the table, and at most once a second what changed to the log.
-    pub(super) fn publish_counters(&mut self, engine: &Engine, monotonic_ns: u64) {
-        self.table.heartbeat(monotonic_ns);
+    /// Sends step records while somebody of this audience listens, and no others: copying them costs more memory
+    /// traffic than all else that is published.
+    pub fn record_for(&mut self, audience: RecordAudience) {
+        self.is_recording = !audience.is_empty();
+        self.audience = Some(audience);
+    }
+
+    /// Shows all counters in the table; each step shows its own.
+    pub fn publish_all_counters(&self, engine: &Engine) {
         for (input, counters) in engine.input_counters().enumerate() {
             self.table.publish_input_counters(input, counters);
         }
         for (slot, counters) in engine.schedule_counters().enumerate() {
             self.table.publish_schedule_counters(slot, counters);
         }
-        if monotonic_ns >= self.next_report_ns {
+    }
+
+    /// Looks whether there are recorders.
+    fn begin_turn(&mut self) {
+        if let Some(audience) = &self.audience {
+            self.is_recording = !audience.is_empty();
+        }
+    }
+
+    /// Writes the heartbeat to the table, and at most once a second what was lost or late to the log.
+    pub(super) fn keep_up(&mut self, engine: &Engine, monotonic_ns: u64) {
+        self.table.heartbeat(monotonic_ns);
+        if self.troubled && monotonic_ns >= self.next_report_ns {
             self.next_report_ns = monotonic_ns + REPORT_PERIOD_NS;
+            self.troubled = false;
             self.report(engine);
         }
     }
 
-    /// Sends changed counters to the log; what the queue has no room for is sent with the next report.
+    /// Sends counters of losses and delays to the log; what the queue has no room for is sent with the next report.
     fn report(&mut self, engine: &Engine) {
         for (input, (now, before)) in engine.input_counters().zip(&mut self.reported.inputs).enumerate() {
             let report = CounterReport::Input {
@@ -110,8 +148,11 @@ impl Publication {
                 before: *before,
                 now: *now,
             };
-            if now != before && self.queue.push(Message::Counters(report)).is_ok() {
-                *before = *now;
+            if now.troubles() != before.troubles() {
+                match self.queue.push(Message::Counters(report)) {
+                    Ok(()) => *before = *now,
+                    Err(_) => self.troubled = true,
+                }
             }
         }
         for (slot, (now, before)) in engine
@@ -124,10 +165,82 @@ impl Publication {
                 before: *before,
                 now: *now,
             };
-            if now != before && self.queue.push(Message::Counters(report)).is_ok() {
-                *before = *now;
+            if now.troubles() != before.troubles() {
+                match self.queue.push(Message::Counters(report)) {
+                    Ok(()) => *before = *now,
+                    Err(_) => self.troubled = true,
+                }
             }
         }
+    }
+}
+
+/// One turn of the step thread, as the engine sees it.
+struct Turn<'a> {
+    begin_ns: u64,
+    time: DaemonTime,
+    subscriptions: &'a mut [Subscription],
+    publication: &'a mut Publication,
+}
+
+impl RecordSink for Turn<'_> {
+    fn publish(&mut self, slot: usize, record: &StepRecord) -> bool {
+        self.publication.publish(slot, record)
+    }
+
+    fn alarm(&mut self, transition: &AlarmTransition) {
+        self.publication.alarm(transition);
+    }
+
+    fn counted(&mut self, slot: usize, counters: &ScheduleCounters, troubled: bool) {
+        self.publication.counted(slot, counters, troubled);
+    }
+
+    /// Receives what waits for an input, once a turn.
+    fn fill(&mut self, input: usize, inbox: &mut Inbox) {
+        let Some(subscription) = self.subscriptions.get_mut(input) else {
+            return;
+        };
+        if std::mem::replace(&mut subscription.received_ns, self.begin_ns) == self.begin_ns {
+            return;
+        }
+        let troubles = inbox.counters().troubles();
+        let mut now_ns = None;
+        let received = subscription.subscriber.receive(|publisher, header, elements| {
+            let now_ns = *now_ns.get_or_insert_with(|| self.time.now_ns());
+            inbox.accept(publisher, header, elements, now_ns);
+        });
+        if received > 0 {
+            let counters = inbox.counters();
+            self.publication.table.publish_input_counters(input, counters);
+            self.publication.troubled |= counters.troubles() != troubles;
+        }
+    }
+}
+
+/// Goes round all inputs once a heartbeat period, for those on which no step falls due for long.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Sweep {
+    next: usize,
+    last_ns: u64,
+}
+
+impl Sweep {
+    /// The part of `inputs` inputs whose turn has come since the last call, as two ranges.
+    fn due(&mut self, inputs: usize, now_ns: u64) -> [Range<usize>; 2] {
+        let elapsed_ns = now_ns.saturating_sub(self.last_ns).min(HEARTBEAT_PERIOD_NS);
+        let count = (inputs as u64 * elapsed_ns / HEARTBEAT_PERIOD_NS) as usize;
+        if count == 0 {
+            return [0..0, 0..0];
+        }
+        self.last_ns = now_ns;
+        let begin = if self.next < inputs { self.next } else { 0 };
+        let (end, wrapped) = (
+            (begin + count).min(inputs),
+            (begin + count).saturating_sub(inputs),
+        );
+        self.next = if wrapped > 0 { wrapped } else { end };
+        [begin..end, 0..wrapped]
     }
 }
 
@@ -137,7 +250,7 @@ pub struct StepLoop<'a> {
     pub engine: Engine,
     /// The configuration.
     pub running: Arc<Running>,
-    /// One subscriber per input.
+    /// One subscriber per input, in their order.
     pub subscriptions: Vec<Subscription>,
     /// What new inputs are subscribed to with.
     pub node: &'a Node,
@@ -149,6 +262,8 @@ pub struct StepLoop<'a> {
     pub time: DaemonTime,
     /// Set when the daemon shall stop.
     pub stop: &'a AtomicBool,
+    /// Inputs on which no step falls due for long.
+    pub sweep: Sweep,
 }
 
 impl StepLoop<'_> {
@@ -169,31 +284,42 @@ impl StepLoop<'_> {
         } else {
             HEARTBEAT_PERIOD_NS
         };
-        let latest_ns = monotonic_ns() + longest_ns;
+        let now_ns = monotonic_ns();
         let due_ns = self
             .engine
             .next_due_ns()
             .map_or(u64::MAX, |due| self.time.to_monotonic(due));
-        sleep_until_monotonic(due_ns.min(latest_ns));
+        if due_ns > now_ns {
+            sleep_until_monotonic(due_ns.min(now_ns + longest_ns));
+        }
     }
 
-    /// Receives every waiting sample, does every due step, publishes, obeys commands.
+    /// Receives the samples of every due step and does it, publishes, obeys commands.
     pub fn turn(&mut self) {
         let Self {
             engine,
             subscriptions,
             publication,
             time,
+            sweep,
             ..
         } = self;
-        let now_ns = time.now_ns();
-        for Subscription { input, subscriber } in subscriptions {
-            subscriber.receive(|publisher, header, elements| {
-                engine.accept(*input, publisher, header, elements, now_ns);
-            });
+        let begin_ns = monotonic_ns();
+        publication.begin_turn();
+        let rested = sweep.due(subscriptions.len(), begin_ns);
+        let mut turn = Turn {
+            begin_ns,
+            time: *time,
+            subscriptions,
+            publication,
+        };
+        engine.step_due(time.from_monotonic(begin_ns), monotonic_ns, &mut turn);
+        for input in rested.into_iter().flatten() {
+            if turn.subscriptions[input].received_ns + HEARTBEAT_PERIOD_NS <= begin_ns {
+                engine.receive(input, &mut turn);
+            }
         }
-        engine.step_due(now_ns, monotonic_ns, publication);
-        publication.publish_counters(engine, monotonic_ns());
+        publication.keep_up(engine, monotonic_ns());
         self.obey();
     }
 

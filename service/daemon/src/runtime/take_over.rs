@@ -40,6 +40,7 @@ impl Engine {
                 std::mem::swap(unit, before);
                 unit.assembler.exchange_inputs(&mut before.assembler);
                 std::mem::swap(&mut unit.enabling, &mut before.enabling);
+                std::mem::swap(&mut unit.inputs, &mut before.inputs);
                 continue;
             }
             let replaced = place_in(&same.replaced).and_then(|place| old.units.get(place));

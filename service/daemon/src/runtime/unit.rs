@@ -45,6 +45,8 @@ impl DiagnoserUnit {
 pub(super) struct Unit {
     pub(super) diagnoser: Box<dyn Diagnoser>,
     pub(super) timing: Timing,
+    /// The inputs that it reads, each once.
+    pub(super) inputs: Box<[usize]>,
     pub(super) assembler: Assembler,
     /// Whether a sample of any input has come: only then the diagnoser's own time begins, wherever its model
     /// starts from. So a replay and a daemon that waited for its sensors say the same.
@@ -68,7 +70,15 @@ impl Unit {
         let channel_count = description.channels.len();
         let (measurements, commands) = (&unit.measurements, &unit.commands);
         let assembler = Assembler::new(measurements, commands, unit.command_delay_steps);
+        let signals = measurements.iter().chain(commands).copied();
+        let mut inputs: Vec<usize> = signals
+            .chain(unit.enabling.signals())
+            .map(|signal| signal.input)
+            .collect();
+        inputs.sort_unstable();
+        inputs.dedup();
         Self {
+            inputs: inputs.into(),
             assembler: match &description.packets {
                 Some(rules) => assembler.with_packets(rules, measurements, commands, inboxes),
                 None => assembler,
