@@ -141,13 +141,10 @@ impl ImmEstimator {
     ) -> IntervalReport {
         let (begin, end) = (microseconds(posterior.instant_ns), microseconds(instant_ns));
         let log_lambda = self.transition.log_over(end - begin);
-        self.mixer.mix(
-            &posterior.modes,
-            &posterior.log_probability,
-            log_lambda,
-            &mut self.mixed,
-            &mut self.log_predicted,
-        );
+        self.mixer
+            .weigh(&posterior.log_probability, log_lambda, &mut self.log_predicted);
+        self.recursion
+            .mix(&mut self.mixer, &posterior.modes, &mut self.mixed);
         self.log_likelihood.fill(0.0);
         let mut report = IntervalReport::default();
         let window = Window {
@@ -159,6 +156,7 @@ impl ImmEstimator {
         } else {
             self.use_one_by_one(window, samples, commands, &mut report);
         }
+        self.recursion.finish(&mut self.mixed);
         report.likelihood_lost = self.weigh(&mut posterior.log_probability);
         std::mem::swap(&mut posterior.modes, &mut self.mixed);
         posterior.instant_ns = instant_ns;
@@ -248,14 +246,15 @@ impl ImmEstimator {
         if from >= to {
             return;
         }
-        for propagator in &mut self.propagators {
+        for (place, propagator) in self.propagators.iter_mut().enumerate() {
             propagator.go(from, to, commands);
-        }
-        for (m, state) in self.mixed.iter_mut().enumerate() {
-            let propagator = &self.propagators[self.propagator_of[m]];
-            let (interval, direction) = (propagator.interval(), &self.directions[m]);
-            self.recursion
-                .predict(interval, propagator.noise_root(), direction, state);
+            let (interval, root) = (propagator.interval(), propagator.noise_root());
+            self.recursion.prepare(interval);
+            let served = self.mixed.iter_mut().enumerate();
+            for (m, state) in served.filter(|(m, _)| self.propagator_of[*m] == place) {
+                self.recursion
+                    .predict(m, interval, root, &self.directions[m], state);
+            }
         }
     }
 

@@ -1,4 +1,7 @@
 //! Prediction and measurement update with covariances, in Joseph's symmetric form (method sheet 4.2, step 5).
+//!
+//! For any number of filter states; few of them have a bank of their own (`small_bank`), which does the same. How
+//! Joseph's form is evaluated, and the symbols C, K, V, stand with `joseph_update`.
 
 use super::{
     interval::{Interval, symmetrise},
@@ -7,21 +10,23 @@ use super::{
     transport::ModeTransport,
 };
 use crate::{
-    factor::{cholesky, cholesky_solve},
+    factor::cholesky,
     matrix::{
-        Matrix, add_scaled, all_finite, apply, dot, forward_substitution, multiply, multiply_transposed,
+        Matrix, add_combination, add_scaled, all_finite, apply, combination, dot, forward_substitution,
+        multiply, multiply_transposed,
     },
 };
 use std::f64::consts::TAU;
 
-/// One sample seen by one mode: e, S = L_S L_S' and P H̄'.
+/// One sample seen by one mode.
 #[derive(Clone, Debug)]
 pub(super) struct Innovation {
     /// e = z - H̄x̂; d of it are in use.
-    pub e: Vec<f64>,
+    e: Vec<f64>,
+    /// L_S, S = H̄PH̄' + R = L_S L_S'.
     factor: Matrix,
-    /// P H̄', then K = P H̄' S⁻¹.
-    gain: Matrix,
+    /// C' = H̄P, d x n.
+    cross: Matrix,
 }
 
 impl Innovation {
@@ -29,7 +34,7 @@ impl Innovation {
         Self {
             e: vec![0.0; widest],
             factor: Matrix::zeros(widest, widest),
-            gain: Matrix::zeros(n, widest),
+            cross: Matrix::zeros(widest, n),
         }
     }
 }
@@ -39,9 +44,12 @@ impl Innovation {
 pub(super) struct JosephSteps {
     innovations: Vec<Innovation>,
     transport: ModeTransport,
-    square: Matrix,
     product: Matrix,
-    gain_noise: Matrix,
+    /// K', d x n.
+    gain: Matrix,
+    /// V', d x n.
+    rest: Matrix,
+    factors: Vec<f64>,
     whitened: Vec<f64>,
 }
 
@@ -50,9 +58,10 @@ impl JosephSteps {
         Self {
             innovations: vec![Innovation::new(n, widest); modes],
             transport: ModeTransport::new(n),
-            square: Matrix::zeros(n, n),
             product: Matrix::zeros(n, n),
-            gain_noise: Matrix::zeros(n, widest),
+            gain: Matrix::zeros(widest, n),
+            rest: Matrix::zeros(widest, n),
+            factors: vec![0.0; widest],
             whitened: vec![0.0; widest],
         }
     }
@@ -62,7 +71,7 @@ impl JosephSteps {
         self.transport.assemble(interval, direction);
         self.transport.move_mean(interval, &mut state.mean);
         multiply(&self.transport.phi, &state.spread, &mut self.product);
-        multiply_transposed(&self.product, &self.transport.phi, &mut state.spread);
+        multiply(&self.product, self.transport.transposed(), &mut state.spread);
         for i in 0..interval.omega.rows() {
             add_scaled(state.spread.row_mut(i), 1.0, interval.omega.row(i));
         }
@@ -76,8 +85,8 @@ impl JosephSteps {
         let e = &mut innovation.e[..d];
         apply(&sensor.h, &state.mean, e);
         e.iter_mut().zip(z).for_each(|(e, z)| *e = z - *e);
-        multiply_transposed(&state.spread, &sensor.h, &mut innovation.gain);
-        multiply(&sensor.h, &innovation.gain, &mut innovation.factor);
+        multiply(&sensor.h, &state.spread, &mut innovation.cross);
+        multiply_transposed(&innovation.cross, &sensor.h, &mut innovation.factor);
         for i in 0..d {
             add_scaled(innovation.factor.row_mut(i), 1.0, sensor.r.row(i));
         }
@@ -87,32 +96,59 @@ impl JosephSteps {
     /// Uses the innovation of mode `m`; returns log N(e; 0, S).
     pub fn update(&mut self, m: usize, state: &mut ModeState, sensor: &SensorModel) -> f64 {
         let (n, d) = (state.mean.len(), sensor.rows());
-        let Innovation { e, factor, gain } = &mut self.innovations[m];
-        let e = &e[..d];
+        let Innovation { e, factor, cross } = &self.innovations[m];
+        let (e, factors) = (&e[..d], &mut self.factors[..d]);
         let whitened = &mut self.whitened[..d];
         whitened.copy_from_slice(e);
         forward_substitution(factor, whitened);
-        let log_likelihood = log_density(factor, whitened);
-        for (i, mean) in state.mean.iter_mut().enumerate() {
-            cholesky_solve(factor, gain.row_mut(i));
-            *mean += dot(gain.row(i), e);
-        }
-        // P ← (I - KH̄) P (I - KH̄)' + K R K'.
-        multiply(gain, &sensor.h, &mut self.square);
+        solve(factor, cross, &mut self.gain);
+        add_combination(&mut state.mean, e, &self.gain);
+        // (P - KC')' = P - CK'.
         for i in 0..n {
-            let row = self.square.row_mut(i);
-            row.iter_mut().for_each(|value| *value = -*value);
-            row[i] += 1.0;
+            for (a, entry) in factors.iter_mut().enumerate() {
+                *entry = -cross[(a, i)];
+            }
+            add_combination(state.spread.row_mut(i), factors, &self.gain);
         }
-        multiply(&self.square, &state.spread, &mut self.product);
-        multiply_transposed(&self.product, &self.square, &mut state.spread);
-        multiply(gain, &sensor.r, &mut self.gain_noise);
-        multiply_transposed(&self.gain_noise, gain, &mut self.square);
+        // V' = RK' - H̄(P - CK').
+        multiply(&sensor.r, &self.gain, &mut self.rest);
+        for a in 0..d {
+            combination(self.product.row_mut(0), sensor.h.row(a), &state.spread);
+            add_scaled(self.rest.row_mut(a), -1.0, self.product.row(0));
+        }
+        // (P - KC' + VK')' = P - CK' + KV'.
         for i in 0..n {
-            add_scaled(state.spread.row_mut(i), 1.0, self.square.row(i));
+            for (a, entry) in factors.iter_mut().enumerate() {
+                *entry = self.gain[(a, i)];
+            }
+            add_combination(state.spread.row_mut(i), factors, &self.rest);
         }
         symmetrise(&mut state.spread);
-        log_likelihood
+        log_density(factor, whitened)
+    }
+}
+
+/// K' = (L L')⁻¹ C', row by row.
+fn solve(factor: &Matrix, cross: &Matrix, gain: &mut Matrix) {
+    gain.copy_from(cross);
+    let d = factor.rows();
+    for a in 0..d {
+        for b in 0..a {
+            let (known, row) = gain.two_rows(b, a);
+            add_scaled(row, -factor[(a, b)], known);
+        }
+        let scale = 1.0 / factor[(a, a)];
+        gain.row_mut(a).iter_mut().for_each(|value| *value *= scale);
+    }
+    for a in (0..d).rev() {
+        let scale = 1.0 / factor[(a, a)];
+        gain.row_mut(a).iter_mut().for_each(|value| *value *= scale);
+        for b in 0..a {
+            for i in 0..gain.columns() {
+                let known = gain[(a, i)];
+                gain[(b, i)] -= factor[(a, b)] * known;
+            }
+        }
     }
 }
 

@@ -18,6 +18,7 @@ use crate::matrix::{Matrix, triangularise};
 #[derive(Clone, Debug)]
 pub struct Mixer {
     modes: usize,
+    plant_states: usize,
     states: usize,
     /// For each pair (i, m), at i M + m: which of the n filter states are carried from mode i to mode m.
     carried: Vec<Vec<bool>>,
@@ -27,6 +28,7 @@ pub struct Mixer {
     restart_mean: Vec<f64>,
     /// diag(·, P_φ0), n x n.
     restart_covariance: Matrix,
+    /// w_{i|m} at m M + i.
     weight: Vec<f64>,
     deviation: Vec<f64>,
     /// n x M (n + p + 1): the factor before it is made triangular; square-root form only.
@@ -62,6 +64,7 @@ impl Mixer {
         };
         Self {
             modes,
+            plant_states: nx,
             states: n,
             restart_root: if square_root {
                 carried.iter().map(restart_root).collect()
@@ -71,7 +74,7 @@ impl Mixer {
             carried,
             restart_mean,
             restart_covariance,
-            weight: vec![0.0; modes],
+            weight: vec![0.0; modes * modes],
             deviation: vec![0.0; n],
             stacked: Matrix::zeros(n, if square_root { modes * (2 * n + 1) } else { 0 }),
             square_root,
@@ -89,19 +92,13 @@ impl Mixer {
         to: &mut [ModeState],
         log_predicted: &mut [f64],
     ) {
-        for (m, (mixed, log_c)) in to.iter_mut().zip(log_predicted).enumerate() {
-            for (i, (weight, log_mu)) in self.weight.iter_mut().zip(log_probability).enumerate() {
-                *weight = log_lambda[(i, m)] + log_mu;
-            }
-            *log_c = log_sum_exp(&self.weight);
-            if *log_c == f64::NEG_INFINITY {
-                self.weight.fill(0.0);
-                self.weight[m] = 1.0;
-            } else {
-                self.weight
-                    .iter_mut()
-                    .for_each(|weight| *weight = (*weight - *log_c).exp());
-            }
+        self.weigh(log_probability, log_lambda, log_predicted);
+        self.mix_moments(from, to);
+    }
+
+    /// The mixed filters, with the weights found last.
+    pub(super) fn mix_moments(&mut self, from: &[ModeState], to: &mut [ModeState]) {
+        for (m, mixed) in to.iter_mut().enumerate() {
             self.mix_means(from, m, &mut mixed.mean);
             if self.square_root {
                 self.mix_factors(from, m, mixed);
@@ -111,11 +108,45 @@ impl Mixer {
         }
     }
 
+    /// The weights w_{i|m} and log c.
+    pub(super) fn weigh(&mut self, log_probability: &[f64], log_lambda: &Matrix, log_predicted: &mut [f64]) {
+        let modes = self.modes;
+        for (m, (weights, log_c)) in self.weight.chunks_exact_mut(modes).zip(log_predicted).enumerate() {
+            for (i, (weight, log_mu)) in weights.iter_mut().zip(log_probability).enumerate() {
+                *weight = log_lambda[(i, m)] + log_mu;
+            }
+            *log_c = log_sum_exp(weights);
+            if *log_c == f64::NEG_INFINITY {
+                weights.fill(0.0);
+                weights[m] = 1.0;
+            } else {
+                weights
+                    .iter_mut()
+                    .for_each(|weight| *weight = (*weight - *log_c).exp());
+            }
+        }
+    }
+
+    /// w_{i|m}, and which of the n filter states are carried from mode i to mode m.
+    pub(super) fn pair(&self, i: usize, m: usize) -> (f64, &[bool]) {
+        (self.weight[m * self.modes + i], &self.carried[i * self.modes + m])
+    }
+
+    /// n_x: the amplitude slots follow.
+    pub(super) fn plant_states(&self) -> usize {
+        self.plant_states
+    }
+
+    /// \[·; φ₀\] and diag(·, P_φ0): what is not carried is back there.
+    pub(super) fn restart(&self) -> (&[f64], &Matrix) {
+        (&self.restart_mean, &self.restart_covariance)
+    }
+
     /// x̌^m = Σ_i w_{i|m} x̂^{i→m}.
     fn mix_means(&self, from: &[ModeState], m: usize, mean: &mut [f64]) {
         mean.fill(0.0);
         for (i, source) in from.iter().enumerate() {
-            let weight = self.weight[i];
+            let weight = self.weight[m * self.modes + i];
             if weight == 0.0 {
                 continue;
             }
@@ -129,7 +160,7 @@ impl Mixer {
     fn mix_covariances(&mut self, from: &[ModeState], m: usize, mixed: &mut ModeState) {
         mixed.spread.fill(0.0);
         for (i, source) in from.iter().enumerate() {
-            let weight = self.weight[i];
+            let weight = self.weight[m * self.modes + i];
             if weight == 0.0 {
                 continue;
             }
@@ -160,10 +191,11 @@ impl Mixer {
         let n = self.states;
         let mut column = 0;
         for (i, source) in from.iter().enumerate() {
-            if self.weight[i] == 0.0 {
+            let weight = self.weight[m * self.modes + i];
+            if weight == 0.0 {
                 continue;
             }
-            let root = self.weight[i].sqrt();
+            let root = weight.sqrt();
             self.deviate(source, i, m, &mixed.mean);
             let pair = i * self.modes + m;
             self.stacked.reshape(n, column + 2 * n + 1);

@@ -38,6 +38,7 @@ pub mod fusion;
 pub mod inputs;
 pub mod interval;
 mod joseph;
+mod joseph_update;
 mod memory;
 mod method;
 pub mod mixing;
@@ -52,6 +53,10 @@ mod recursion;
 mod semidefinite;
 mod sensor;
 pub mod settings;
+mod small_bank;
+#[cfg(test)]
+mod small_bank_tests;
+mod small_transport;
 mod square_root;
 pub mod state;
 mod stepping;

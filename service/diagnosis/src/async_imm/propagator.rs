@@ -82,22 +82,28 @@ impl Propagator {
 
     /// Computes the interval from `begin_us` to `end_us`, split where command or plant change.
     pub fn go(&mut self, begin_us: i64, end_us: i64, commands: &InputHistory) {
-        self.total.clear();
         let mut time = begin_us;
+        if begin_us >= end_us || matches!(self.source, Source::Function(_)) {
+            self.total.clear();
+        }
         while time < end_us {
+            // The first piece is the whole so far.
+            let piece = if time == begin_us {
+                &mut self.total
+            } else {
+                &mut self.piece
+            };
             let (command, next_command) = commands.at(time);
             let mut end = next_command.unwrap_or(end_us).min(end_us);
             match &mut self.source {
-                Source::Constant(table) => {
-                    apply_command(table.over(end - time), self.inputs, command, &mut self.piece)
-                }
+                Source::Constant(table) => apply_command(table.over(end - time), self.inputs, command, piece),
                 Source::Schedule(tables) => {
                     let known = tables.partition_point(|(from, _)| *from <= time);
                     if let Some((from, _)) = tables.get(known.max(1)) {
                         end = end.min(*from);
                     }
                     if let Some((_, table)) = tables.get_mut(known.saturating_sub(1)) {
-                        apply_command(table.over(end - time), self.inputs, command, &mut self.piece);
+                        apply_command(table.over(end - time), self.inputs, command, piece);
                     }
                 }
                 Source::Function(integrator) => {
@@ -107,9 +113,7 @@ impl Propagator {
                     continue;
                 }
             }
-            if time == begin_us {
-                self.total.copy_from(&self.piece);
-            } else {
+            if time > begin_us {
                 self.total.follow(&self.piece, &mut self.work);
             }
             time = end;

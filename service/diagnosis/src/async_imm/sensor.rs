@@ -14,6 +14,8 @@ pub(super) struct SensorModel {
     pub r: Matrix,
     /// Lower triangular R^{1/2}.
     pub r_root: Matrix,
+    /// The entries of H that are not zero, row by row: (column, value).
+    pub entries: Vec<Vec<(usize, f64)>>,
     /// β.
     pub arrival: f64,
 }
@@ -24,7 +26,12 @@ impl SensorModel {
         let h = &sensor.measurement_matrix;
         let padded = h.clone().resize_horizontally(n, 0.0);
         let root = positive_definite_factor(&sensor.noise_covariance);
+        let entries = h.row_iter().map(|row| {
+            let entries = row.iter().copied().enumerate();
+            entries.filter(|(_, entry)| *entry != 0.0).collect()
+        });
         Self {
+            entries: entries.collect(),
             h: Matrix::from(&padded),
             h_plant: Matrix::from(h),
             r: Matrix::from(&sensor.noise_covariance),

@@ -32,7 +32,11 @@ impl ModeState {
 
     /// Finite, the squares too, and no negative variance.
     fn is_sound(&self) -> bool {
-        let moderate = |values: &[f64]| values.iter().all(|value| value.abs() <= LARGEST);
+        let moderate = |values: &[f64]| {
+            values
+                .iter()
+                .fold(true, |all, value| all & (value.abs() <= LARGEST))
+        };
         moderate(&self.mean)
             && self.spread.iter_rows().all(moderate)
             && (0..self.spread.rows()).all(|i| self.spread[(i, i)] >= 0.0)

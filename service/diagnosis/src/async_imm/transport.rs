@@ -8,6 +8,7 @@ use crate::matrix::{Matrix, apply};
 pub(super) struct ModeTransport {
     /// Φ̄_m, n x n.
     pub phi: Matrix,
+    transposed: Matrix,
     mean: Vec<f64>,
 }
 
@@ -15,6 +16,7 @@ impl ModeTransport {
     pub fn new(n: usize) -> Self {
         Self {
             phi: Matrix::zeros(n, n),
+            transposed: Matrix::zeros(n, n),
             mean: vec![0.0; n],
         }
     }
@@ -39,6 +41,16 @@ impl ModeTransport {
             row.fill(0.0);
             row[i] = 1.0;
         }
+    }
+
+    /// Φ̄_m' of the interval taken last.
+    pub fn transposed(&mut self) -> &Matrix {
+        for i in 0..self.phi.rows() {
+            for (j, value) in self.phi.row(i).iter().enumerate() {
+                self.transposed[(j, i)] = *value;
+            }
+        }
+        &self.transposed
     }
 
     /// x̂ ← Φ̄x̂ + ū, ū = \[Υu; 0\].

@@ -130,8 +130,8 @@ impl Outcome {
             residual: Statistic::default(),
             plain: Statistic::default(),
             pair: Statistic::default(),
-            windows: WindowBank::new(n, m, &design.window_steps),
-            update: Correction::new(n, m),
+            windows: WindowBank::new(n, m, &design.window_steps, design.rank_tolerance),
+            update: Correction::new(n, m, design.noises),
             glr: design.glr.as_ref().map(|glr| GlrWork::new(n, glr)),
             cusum: vec![0.0; m],
         }
@@ -234,7 +234,7 @@ impl Engine {
         }
         if let Some(ring) = &mut detectors.ring {
             ring.push(&model.transition, update);
-            outcome.windows.evaluate(ring, form);
+            outcome.windows.evaluate(ring, update.steady_steps);
         }
         if let (Some(cusum), Some(reference)) = (&mut detectors.cusum, design.cusum_reference) {
             cusum.step(reference, update);
@@ -264,6 +264,8 @@ impl Engine {
         }
         outcome.update.rows.clear();
         outcome.update.innovation.clear();
+        // What was found under the same gains may not be what a restored state holds.
+        outcome.update.steady_steps = 0;
     }
 }
 

@@ -1,10 +1,10 @@
 //! The Kalman filter in square-root innovation form (method sheet 4, steps 1 to 5).
 
-use super::step_model::StepModel;
+use super::{finite::all_finite, settled::Settled, step_model::StepModel};
 use crate::buffer::Buffer;
 use crate::{
     factor::cholesky,
-    matrix::{Matrix, add_scaled, all_finite, apply, dot, forward_substitution, multiply, triangularise},
+    matrix::{Matrix, add_scaled, apply, dot, forward_substitution, multiply, triangularise},
 };
 use serde::{Deserialize, Serialize};
 
@@ -34,6 +34,9 @@ pub(super) struct Correction {
     pub gain: Matrix,
     /// γ = K̄ e, length n.
     pub correction: Vec<f64>,
+    /// Instants in a row, this one included, with the same model and gains and all rows.
+    pub steady_steps: usize,
+    settled: Settled,
 }
 
 /// Room for one step of the filter.
@@ -46,7 +49,7 @@ pub(super) struct FilterWork {
 }
 
 impl Correction {
-    pub fn new(states: usize, measurements: usize) -> Self {
+    pub fn new(states: usize, measurements: usize, noises: usize) -> Self {
         Self {
             rows: Buffer::with_capacity(measurements),
             innovation: Buffer::with_capacity(measurements),
@@ -55,6 +58,8 @@ impl Correction {
             innovation_factor: Matrix::zeros(measurements, measurements),
             gain: Matrix::zeros(states, measurements),
             correction: vec![0.0; states],
+            steady_steps: 0,
+            settled: Settled::new(states, measurements, noises),
         }
     }
 
@@ -99,16 +104,29 @@ impl Filter {
         self.predict(model, previous_input, work);
         out.rows.clear();
         out.rows.extend((0..z.len()).filter(|row| z[*row].is_finite()));
-        self.update_array(model, work, out);
+        let complete = out.rows.len() == z.len();
+        if complete && out.settled.holds(model, &self.covariance_factor) {
+            out.steady_steps += 1;
+        } else {
+            out.settled.begin(&self.covariance_factor);
+            self.predict_factor(model, work);
+            self.update_array(model, work, out);
+            let steady = complete && out.settled.hold(model, &mut self.covariance_factor);
+            out.steady_steps = usize::from(steady);
+        }
         self.correct(model, input, z, out);
     }
 
-    /// x̂ ← Φ x̂ + B u(k-1), L_P⁻ = tri\[Φ L_P, G\].
+    /// x̂ ← Φ x̂ + B u(k-1).
     fn predict(&mut self, model: &StepModel, previous_input: &[f64], work: &mut FilterWork) {
         apply(&model.transition, &self.estimate, &mut work.vector);
         for (i, (estimate, moved)) in self.estimate.iter_mut().zip(&work.vector).enumerate() {
             *estimate = moved + dot(model.input.row(i), previous_input);
         }
+    }
+
+    /// L_P⁻ = tri\[Φ L_P, G\].
+    fn predict_factor(&self, model: &StepModel, work: &mut FilterWork) {
         multiply(&model.transition, &self.covariance_factor, &mut work.prediction);
         work.prediction.append(&model.noise_factor);
         triangularise(&mut work.prediction);

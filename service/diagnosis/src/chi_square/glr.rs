@@ -4,12 +4,17 @@
 //! matrix J (sensor faults) and the entry matrix N (process faults) of the modes at this instant:
 //! Δ = Φ F - N, g = L_S⁻¹ (J - H Δ), F = Δ + K̄ g, A += g'e, E += ‖g‖², ℓ = max A²/E.
 
-use super::{filter::Correction, glr_modes::FaultMode};
-use crate::matrix::{Matrix, add_combination, add_scaled, all_finite, combination, multiply};
+use super::{
+    filter::Correction,
+    finite::all_finite,
+    glr_modes::FaultMode,
+    glr_table::{Amplitudes, SteadyTable},
+};
+use crate::matrix::{Matrix, add_combination, add_scaled, combination, multiply};
 use serde::{Deserialize, Serialize};
 
 /// Energy below which a mode leaves no trace in the innovations.
-const NO_TRACE: f64 = 1e-12;
+pub(super) const NO_TRACE: f64 = 1e-12;
 
 /// What does not change: the modes and the window.
 #[derive(Clone, Debug)]
@@ -38,7 +43,7 @@ impl GlrDesign {
     }
 
     /// Position of a process fault among the columns of `entry`; `None` for a sensor.
-    fn process_fault(&self, mode: &FaultMode) -> Option<usize> {
+    pub(super) fn process_fault(&self, mode: &FaultMode) -> Option<usize> {
         mode.component.checked_sub(self.measurements)
     }
 }
@@ -78,6 +83,11 @@ pub struct LikelihoodRatio {
 #[derive(Clone, Debug)]
 pub(super) struct GlrWork {
     delta: Matrix,
+    amplitudes: Amplitudes,
+    /// Only for a new onset at every instant: otherwise there are as many tables as instants between two onsets.
+    table: Option<SteadyTable>,
+    /// A²/E of every column.
+    pub(super) ratio: Vec<f64>,
     /// g, m_k x (slots q).
     pub signature: Matrix,
     /// The likeliest fault of each component.
@@ -91,6 +101,9 @@ impl GlrWork {
         let columns = design.slots() * design.modes.len();
         Self {
             delta: Matrix::zeros(states, columns),
+            amplitudes: Amplitudes::new(states, design),
+            table: (design.stride == 1).then(|| SteadyTable::new(states, design.measurements, columns)),
+            ratio: vec![0.0; columns],
             signature: Matrix::zeros(design.measurements, columns),
             best_of_component: vec![None; design.components()],
             best: None,
@@ -134,20 +147,61 @@ impl Glr {
     ) {
         self.steps = self.steps.saturating_add(1);
         self.open_and_drop(design);
-        self.delta(design, transition, work);
-        self.signature(design, measurement, update, work);
+        if !self.look_up(design, update, work) {
+            self.move_slots(design, transition, measurement, update, work);
+        }
+        for (signature, e) in work.signature.iter_rows().zip(&update.whitened) {
+            add_scaled(&mut self.score, *e, signature);
+        }
+        self.find_best(design, work);
+    }
+
+    /// F, E and g from the table, once the gains have been the same since the oldest onset.
+    fn look_up(&mut self, design: &GlrDesign, update: &Correction, work: &mut GlrWork) -> bool {
+        let Some(mut table) = work.table.take() else {
+            return false;
+        };
+        let window = design.window_steps;
+        let steady = update.steady_steps as u64 >= window && self.steps > window;
+        let oldest = (self.newest_slot(design) + 1) * design.modes.len();
+        let found = steady && table.give(oldest, self, work);
+        if !found {
+            table.clear();
+        }
+        work.table = Some(table);
+        found
+    }
+
+    /// F, E and g of this instant.
+    fn move_slots(
+        &mut self,
+        design: &GlrDesign,
+        transition: &Matrix,
+        measurement: &Matrix,
+        update: &Correction,
+        work: &mut GlrWork,
+    ) {
+        work.amplitudes.update(design, self);
+        self.delta(transition, work);
+        signature(measurement, update, work);
         for i in 0..self.sensitivity.rows() {
             let row = self.sensitivity.row_mut(i);
             row.copy_from_slice(work.delta.row(i));
             add_combination(row, update.gain.row(i), &work.signature);
         }
-        for (signature, e) in work.signature.iter_rows().zip(&update.whitened) {
-            add_scaled(&mut self.score, *e, signature);
+        for signature in work.signature.iter_rows() {
             for (energy, g) in self.energy.iter_mut().zip(signature) {
                 *energy += g * g;
             }
         }
-        self.find_best(design, work);
+        let window = design.window_steps;
+        if update.steady_steps as u64 >= window
+            && self.steps >= window
+            && let Some(table) = &mut work.table
+        {
+            let oldest = (self.newest_slot(design) + 1) * design.modes.len();
+            table.take(oldest, self, &work.signature);
+        }
     }
 
     fn open_and_drop(&mut self, design: &GlrDesign) {
@@ -169,83 +223,15 @@ impl Glr {
     }
 
     /// Δ = Φ F - N: the shift of x̂ against x, of which a process fault moves x.
-    fn delta(&self, design: &GlrDesign, transition: &Matrix, work: &mut GlrWork) {
+    fn delta(&self, transition: &Matrix, work: &mut GlrWork) {
         multiply(transition, &self.sensitivity, &mut work.delta);
-        for (column, mode, age) in columns(&self.onsets, self.steps, &design.modes) {
-            if let Some(fault) = design.process_fault(mode) {
-                for i in 0..work.delta.rows() {
-                    work.delta[(i, column)] -= design.entry[(i, fault)] * mode.profile.amplitude(age);
+        let Amplitudes { entry, present, .. } = &work.amplitudes;
+        if entry.columns() > 0 {
+            for i in 0..work.delta.rows() {
+                let terms = entry.row(i).iter().zip(present);
+                for (delta, (entry, amplitude)) in work.delta.row_mut(i).iter_mut().zip(terms) {
+                    *delta -= entry * amplitude;
                 }
-            }
-        }
-    }
-
-    /// g = L_S⁻¹ (J - H Δ), rows a.
-    fn signature(&self, design: &GlrDesign, measurement: &Matrix, update: &Correction, work: &mut GlrWork) {
-        let signature = &mut work.signature;
-        signature.reshape(update.rows.len(), self.score.len());
-        for (i, row) in update.rows.iter().enumerate() {
-            combination(signature.row_mut(i), measurement.row(*row), &work.delta);
-            signature.row_mut(i).iter_mut().for_each(|value| *value = -*value);
-        }
-        for (column, mode, age) in columns(&self.onsets, self.steps, &design.modes) {
-            let amplitude = mode.profile.amplitude(age);
-            for (i, row) in update.rows.iter().enumerate() {
-                let direction = match design.process_fault(mode) {
-                    Some(fault) => design.feedthrough[(*row, fault)],
-                    None => f64::from(u8::from(*row == mode.component)),
-                };
-                signature[(i, column)] += direction * amplitude;
-            }
-        }
-        let factor = &update.innovation_factor;
-        for i in 0..update.rows.len() {
-            for j in 0..i {
-                let (known, row) = signature.two_rows(j, i);
-                add_scaled(row, -factor[(i, j)], known);
-            }
-            let pivot = factor[(i, i)];
-            signature.row_mut(i).iter_mut().for_each(|value| *value /= pivot);
-        }
-    }
-
-    /// ℓ of every component and of all: the oldest slot and the lowest mode win ties.
-    fn find_best(&self, design: &GlrDesign, work: &mut GlrWork) {
-        work.best_of_component.fill(None);
-        let (slots, modes) = (self.onsets.len(), design.modes.len());
-        let newest = self.newest_slot(design);
-        for slot in (1..=slots).map(|i| (newest + i) % slots) {
-            let onset = self.onsets[slot];
-            if onset == 0 {
-                continue;
-            }
-            for (mode, FaultMode { component, .. }) in design.modes.iter().enumerate() {
-                let column = slot * modes + mode;
-                let (score, energy) = (self.score[column], self.energy[column]);
-                let value = score * score / energy;
-                if energy > NO_TRACE
-                    && let Some(best) = work.best_of_component.get_mut(*component)
-                    && best.is_none_or(|best| value > best.value)
-                {
-                    *best = Some(LikelihoodRatio {
-                        value,
-                        mode,
-                        age: self.steps - onset,
-                        size: score / energy,
-                        standard_deviation: 1.0 / energy.sqrt(),
-                        column,
-                    });
-                }
-            }
-        }
-        let older = |a: &LikelihoodRatio, b: &LikelihoodRatio| (b.age, a.mode) < (a.age, b.mode);
-        work.best = None;
-        for found in work.best_of_component.iter().flatten() {
-            let better = work.best.is_none_or(|best| {
-                found.value > best.value || found.value == best.value && older(found, &best)
-            });
-            if better {
-                work.best = Some(*found);
             }
         }
     }
@@ -271,19 +257,28 @@ impl Glr {
     }
 }
 
-/// The columns in use with their mode and age k - θ.
-fn columns<'a>(
-    onsets: &'a [u64],
-    steps: u64,
-    modes: &'a [FaultMode],
-) -> impl Iterator<Item = (usize, &'a FaultMode, u64)> {
-    let slots = onsets.iter().enumerate().filter(|(_, onset)| **onset > 0);
-    slots.flat_map(move |(slot, onset)| {
-        let first = slot * modes.len();
-        let age = steps - onset;
-        modes
-            .iter()
-            .enumerate()
-            .map(move |(mode, shape)| (first + mode, shape, age))
-    })
+/// g = L_S⁻¹ (J - H Δ), rows a.
+fn signature(measurement: &Matrix, update: &Correction, work: &mut GlrWork) {
+    let GlrWork {
+        delta,
+        amplitudes,
+        signature,
+        ..
+    } = work;
+    signature.reshape(update.rows.len(), delta.columns());
+    let factor = &update.innovation_factor;
+    for (i, row) in update.rows.iter().enumerate() {
+        let g = signature.row_mut(i);
+        combination(g, measurement.row(*row), delta);
+        let terms = amplitudes.feedthrough.row(*row).iter().zip(&amplitudes.present);
+        for (g, (direction, amplitude)) in g.iter_mut().zip(terms) {
+            *g = direction * amplitude - *g;
+        }
+        for j in 0..i {
+            let (known, row) = signature.two_rows(j, i);
+            add_scaled(row, -factor[(i, j)], known);
+        }
+        let pivot = factor[(i, i)];
+        signature.row_mut(i).iter_mut().for_each(|g| *g /= pivot);
+    }
 }

@@ -1,7 +1,7 @@
 //! State propagators: the difference to the filter and its covariance (method sheet 4, step 6).
 
-use super::filter::Correction;
-use crate::matrix::{Matrix, all_finite, apply, multiply, triangularise};
+use super::{filter::Correction, finite::all_finite};
+use crate::matrix::{Matrix, apply, multiply, triangularise};
 use serde::{Deserialize, Serialize};
 
 /// A model-only propagator, known by what it differs from the filter: β = x_s - x̂ with covariance T = L_T L_T'.

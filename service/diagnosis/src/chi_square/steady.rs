@@ -43,7 +43,7 @@ pub(super) fn steady_state(plant: &Plant, tolerance: f64) -> Option<SteadyState>
     let [n, p, m, r] = model.counts();
     let (input, z) = (vec![0.0; p], vec![0.0; m]);
     let mut filter = Filter::new(&vec![0.0; n], &plant.initial_factor);
-    let (mut work, mut update) = (FilterWork::new(n, m, r), Correction::new(n, m));
+    let (mut work, mut update) = (FilterWork::new(n, m, r), Correction::new(n, m, r));
     for steps in 1..=STEADY_STEPS {
         let before = filter.covariance_factor.clone();
         filter.step(model, &input, &input, &z, &mut work, &mut update);

@@ -118,69 +118,90 @@ pub(super) struct WindowOutcome {
     pub difference: Vec<f64>,
     /// Factor of T_N, n x n.
     pub factor: Matrix,
+    form: QuadraticForm,
 }
 
 /// The windows of a bank, and the room to evaluate them.
+///
+/// M_i, T_N and its factor depend on the gains only: once these have been the same over the longest window, all that
+/// is left of an instant is β_N and its quadratic form.
 #[derive(Clone, Debug)]
 pub(super) struct WindowBank {
     /// In ascending order of N.
     pub outcomes: Vec<WindowOutcome>,
     difference: Vec<f64>,
     moved: Vec<f64>,
-    power: Matrix,
-    next_power: Matrix,
+    /// M_i.
+    powers: Vec<Matrix>,
     moved_gain: Matrix,
     columns: Matrix,
+    /// Whether `powers` and the factors are those of the gains that have been the same over the longest window.
+    tabulated: bool,
 }
 
 impl WindowBank {
-    /// Windows of these lengths, in ascending order.
-    pub fn new(states: usize, measurements: usize, lengths: &[usize]) -> Self {
+    /// Windows of these lengths, in ascending order; `tolerance` is that of the rank of T.
+    pub fn new(states: usize, measurements: usize, lengths: &[usize], tolerance: f64) -> Self {
         let longest = lengths.iter().max().copied().unwrap_or(0);
         let outcome = |steps: &usize| WindowOutcome {
             steps: *steps,
             statistic: Statistic::default(),
             difference: vec![0.0; states],
             factor: Matrix::zeros(states, states),
+            form: QuadraticForm::new(states, tolerance),
         };
         Self {
             outcomes: lengths.iter().map(outcome).collect(),
             difference: vec![0.0; states],
             moved: vec![0.0; states],
-            power: Matrix::zeros(states, states),
-            next_power: Matrix::zeros(states, states),
+            powers: vec![identity(states); longest + 1],
             moved_gain: Matrix::zeros(states, measurements),
             columns: Matrix::with_capacity(states, states + longest * measurements),
+            tabulated: false,
         }
     }
 
-    /// Evaluates every window at the newest instant of the ring.
-    pub fn evaluate(&mut self, ring: &Ring, form: &mut QuadraticForm) {
-        let n = self.difference.len();
+    /// Evaluates every window at the newest instant of the ring; the gains have been the same for `steady_steps`.
+    pub fn evaluate(&mut self, ring: &Ring, steady_steps: usize) {
+        let longest = self.powers.len() - 1;
+        let steady = steady_steps >= longest && ring.count >= longest;
+        if !(steady && self.tabulated) {
+            self.factor(ring);
+            self.tabulated = steady;
+        }
         self.difference.fill(0.0);
-        self.power.fill(0.0);
-        (0..n).for_each(|i| self.power[(i, i)] = 1.0);
-        self.columns.reshape(n, 0);
         let mut age = 0;
         for outcome in &mut self.outcomes {
             while age < outcome.steps {
                 let Some(entry) = ring.entry(age) else { break };
-                apply(&self.power, &entry.correction, &mut self.moved);
+                apply(&self.powers[age], &entry.correction, &mut self.moved);
                 add_scaled(&mut self.difference, -1.0, &self.moved);
-                multiply(&self.power, &entry.gain, &mut self.moved_gain);
+                age += 1;
+            }
+            outcome.difference.copy_from_slice(&self.difference);
+            outcome.statistic = Statistic {
+                value: outcome.form.evaluate(&outcome.difference),
+                degrees: outcome.form.degrees(),
+            };
+        }
+    }
+
+    /// M_i and the factors of every T_N.
+    fn factor(&mut self, ring: &Ring) {
+        self.columns.reshape(self.difference.len(), 0);
+        let mut age = 0;
+        for outcome in &mut self.outcomes {
+            while age < outcome.steps {
+                let Some(entry) = ring.entry(age) else { break };
+                let (known, next) = self.powers.split_at_mut(age + 1);
+                multiply(&known[age], &entry.gain, &mut self.moved_gain);
                 self.columns.append(&self.moved_gain);
-                multiply(&self.power, &entry.transition, &mut self.next_power);
-                self.power.copy_from(&self.next_power);
+                multiply(&known[age], &entry.transition, &mut next[0]);
                 age += 1;
             }
             triangularise(&mut self.columns);
-            outcome.difference.copy_from_slice(&self.difference);
             outcome.factor.copy_from(&self.columns);
-            form.factor(&outcome.factor);
-            outcome.statistic = Statistic {
-                value: form.evaluate(&outcome.difference),
-                degrees: form.degrees(),
-            };
+            outcome.form.factor(&outcome.factor);
         }
     }
 }
