@@ -1,7 +1,7 @@
 """Chi-square tests, window bank, likelihood ratio and cumulative sums (method sheet `chi_square`, 4).
 
-The square-root filter is one QR factorisation of [L_R 0 0; H Phi L_P, H G...] a step; all onsets and modes of the
-likelihood ratio are columns of one matrix; all windows come from one pass over a ring with powers of Phi and one batch
+The square-root filter is one QR factorisation a step, of [L_R, H Phi L_P, H G; 0, Phi L_P, G] transposed; all onsets and
+modes of the likelihood ratio are columns of one matrix; all windows come from one pass over a ring with powers of Phi and one batch
 of singular value decompositions.
 """
 
@@ -39,7 +39,7 @@ class ChiSquare:
         noise = gamma @ np.linalg.cholesky(q)
         self.x0 = np.array(model.get("initial_state") or np.zeros(n), dtype=float)
         self.l0 = np.linalg.cholesky(read("initial_covariance"))
-        # [L_R, H L_P-; 0, L_P-] with L_P- = [Phi L_P, G], transposed: one factorisation predicts and corrects.
+        # One factorisation predicts and corrects: L_P- = [Phi L_P, G] need not be triangular itself.
         self.array = np.zeros((m + n + noises, m + n))
         self.array[:m, :m] = np.linalg.cholesky(r).T
         self.array[m + n :, :m] = (self.h @ noise).T

@@ -29,7 +29,10 @@ fn open(role: &str, port: &str) -> Result<Session, Failure> {
     let mut config = Config::default();
     config.insert_json5("mode", "\"peer\"")?;
     config.insert_json5("scouting/multicast/enabled", "false")?;
-    config.insert_json5(&format!("{role}/endpoints"), &format!("[\"tcp/127.0.0.1:{port}\"]"))?;
+    config.insert_json5(
+        &format!("{role}/endpoints"),
+        &format!("[\"tcp/127.0.0.1:{port}\"]"),
+    )?;
     if role == "connect" {
         config.insert_json5("listen/endpoints", "[]")?;
     }
