@@ -204,21 +204,27 @@ impl Glr {
         }
     }
 
+    /// Of all slots only the newest can open, and only the oldest can have left the window.
     fn open_and_drop(&mut self, design: &GlrDesign) {
         let k = self.steps;
         let newest = self.newest_slot(design);
-        for slot in 0..self.onsets.len() {
-            let opens = slot == newest && (k - 1).is_multiple_of(design.stride);
-            let drops = self.onsets[slot] > 0 && k - self.onsets[slot] >= design.window_steps;
-            if opens || drops {
-                self.onsets[slot] = if opens { k } else { 0 };
-                let columns = slot * design.modes.len()..(slot + 1) * design.modes.len();
-                self.score[columns.clone()].fill(0.0);
-                self.energy[columns.clone()].fill(0.0);
-                for i in 0..self.sensitivity.rows() {
-                    self.sensitivity.row_mut(i)[columns.clone()].fill(0.0);
-                }
-            }
+        let oldest = (newest + 1) % self.onsets.len();
+        if self.onsets[oldest] > 0 && k - self.onsets[oldest] >= design.window_steps {
+            self.empty(oldest, design);
+        }
+        if (k - 1).is_multiple_of(design.stride) {
+            self.empty(newest, design);
+            self.onsets[newest] = k;
+        }
+    }
+
+    fn empty(&mut self, slot: usize, design: &GlrDesign) {
+        self.onsets[slot] = 0;
+        let columns = slot * design.modes.len()..(slot + 1) * design.modes.len();
+        self.score[columns.clone()].fill(0.0);
+        self.energy[columns.clone()].fill(0.0);
+        for i in 0..self.sensitivity.rows() {
+            self.sensitivity.row_mut(i)[columns.clone()].fill(0.0);
         }
     }
 
