@@ -15,6 +15,8 @@ use serde::{Deserialize, Serialize};
 
 /// Energy below which a mode leaves no trace in the innovations.
 pub(super) const NO_TRACE: f64 = 1e-12;
+/// Slots whose largest ratios are sought side by side.
+pub(super) const LANES: usize = 8;
 
 /// What does not change: the modes and the window.
 #[derive(Clone, Debug)]
@@ -88,6 +90,8 @@ pub(super) struct GlrWork {
     table: Option<SteadyTable>,
     /// A²/E of every column.
     pub(super) ratio: Vec<f64>,
+    /// The largest of them over every eighth slot, mode by mode.
+    pub(super) largest: Vec<f64>,
     /// g, m_k x (slots q).
     pub signature: Matrix,
     /// The likeliest fault of each component.
@@ -104,6 +108,7 @@ impl GlrWork {
             amplitudes: Amplitudes::new(states, design),
             table: (design.stride == 1).then(|| SteadyTable::new(states, design.measurements, columns)),
             ratio: vec![0.0; columns],
+            largest: vec![0.0; LANES * design.modes.len()],
             signature: Matrix::zeros(design.measurements, columns),
             best_of_component: vec![None; design.components()],
             best: None,
