@@ -187,7 +187,11 @@ fn joseph(state: &ModeState, sensor: &Sensor, z: &[f64]) -> (DMatrix<f64>, DMatr
     let covariance = &left * p * left.transpose() + &gain * &sensor.noise_covariance * gain.transpose();
     let quadratic = (e.transpose() * inverse * &e)[(0, 0)];
     let log = -0.5 * (d as f64 * std::f64::consts::TAU.ln() + quadratic + s.determinant().ln());
-    (covariance, vector(&state.mean) + vector((&gain * &e).as_slice()), log)
+    (
+        covariance,
+        vector(&state.mean) + vector((&gain * &e).as_slice()),
+        log,
+    )
 }
 
 #[test]
@@ -201,7 +205,7 @@ fn every_order_and_the_general_form_update_as_josephs_formula_says() {
         let (mut found, mut general) = (from.clone(), from.clone());
         let mut steps = JosephSteps::new(MODES, n, 6);
         let mut bank = small_bank(n, MODES, 6);
-        let mut logs = vec![None; MODES];
+        let mut logs = [None; MODES];
         if let Some(bank) = &mut bank {
             load(bank.as_mut(), &from, slots);
             assert!((0..MODES).all(|m| bank.innovate(m, &model, &z)));

@@ -3,14 +3,14 @@
 /// Independent partial results.
 const LANES: usize = 8;
 
-/// Whether every number is finite: v - v is 0 for a finite v and not a number for any other.
+/// Whether every number is finite: 0 v is 0 for a finite v and not a number for any other.
 pub(super) fn all_finite(values: &[f64]) -> bool {
     let blocks = values.chunks_exact(LANES);
-    let rest: f64 = blocks.remainder().iter().map(|value| value - value).sum();
+    let rest: f64 = blocks.remainder().iter().map(|value| value * 0.0).sum();
     let mut partial = [0.0; LANES];
     for block in blocks {
         for (partial, value) in partial.iter_mut().zip(block) {
-            *partial += value - value;
+            *partial += value * 0.0;
         }
     }
     partial.iter().sum::<f64>() + rest == 0.0

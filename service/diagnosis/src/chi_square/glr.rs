@@ -15,6 +15,8 @@ use serde::{Deserialize, Serialize};
 
 /// Energy below which a mode leaves no trace in the innovations.
 pub(super) const NO_TRACE: f64 = 1e-12;
+/// Slots whose largest ratios are sought side by side.
+pub(super) const LANES: usize = 8;
 
 /// What does not change: the modes and the window.
 #[derive(Clone, Debug)]
@@ -88,6 +90,8 @@ pub(super) struct GlrWork {
     table: Option<SteadyTable>,
     /// A²/E of every column.
     pub(super) ratio: Vec<f64>,
+    /// The largest of them over every eighth slot, mode by mode.
+    pub(super) largest: Vec<f64>,
     /// g, m_k x (slots q).
     pub signature: Matrix,
     /// The likeliest fault of each component.
@@ -104,6 +108,7 @@ impl GlrWork {
             amplitudes: Amplitudes::new(states, design),
             table: (design.stride == 1).then(|| SteadyTable::new(states, design.measurements, columns)),
             ratio: vec![0.0; columns],
+            largest: vec![0.0; LANES * design.modes.len()],
             signature: Matrix::zeros(design.measurements, columns),
             best_of_component: vec![None; design.components()],
             best: None,
@@ -204,21 +209,27 @@ impl Glr {
         }
     }
 
+    /// Of all slots only the newest can open, and only the oldest can have left the window.
     fn open_and_drop(&mut self, design: &GlrDesign) {
         let k = self.steps;
         let newest = self.newest_slot(design);
-        for slot in 0..self.onsets.len() {
-            let opens = slot == newest && (k - 1).is_multiple_of(design.stride);
-            let drops = self.onsets[slot] > 0 && k - self.onsets[slot] >= design.window_steps;
-            if opens || drops {
-                self.onsets[slot] = if opens { k } else { 0 };
-                let columns = slot * design.modes.len()..(slot + 1) * design.modes.len();
-                self.score[columns.clone()].fill(0.0);
-                self.energy[columns.clone()].fill(0.0);
-                for i in 0..self.sensitivity.rows() {
-                    self.sensitivity.row_mut(i)[columns.clone()].fill(0.0);
-                }
-            }
+        let oldest = (newest + 1) % self.onsets.len();
+        if self.onsets[oldest] > 0 && k - self.onsets[oldest] >= design.window_steps {
+            self.empty(oldest, design);
+        }
+        if (k - 1).is_multiple_of(design.stride) {
+            self.empty(newest, design);
+            self.onsets[newest] = k;
+        }
+    }
+
+    fn empty(&mut self, slot: usize, design: &GlrDesign) {
+        self.onsets[slot] = 0;
+        let columns = slot * design.modes.len()..(slot + 1) * design.modes.len();
+        self.score[columns.clone()].fill(0.0);
+        self.energy[columns.clone()].fill(0.0);
+        for i in 0..self.sensitivity.rows() {
+            self.sensitivity.row_mut(i)[columns.clone()].fill(0.0);
         }
     }
 

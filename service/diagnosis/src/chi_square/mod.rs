@@ -43,6 +43,8 @@ mod glr;
 mod glr_best;
 mod glr_modes;
 mod glr_table;
+#[cfg(test)]
+mod held_tests;
 mod inputs;
 mod instant;
 mod method;
