@@ -7,7 +7,7 @@ use std::process::{Command as Program, ExitCode, Stdio};
 
 use anyhow::{Context, Result};
 use clap::{Args, Parser, Subcommand};
-use residual_benches::load::{daemon, publishers, replay, soak, steady, throughput};
+use residual_benches::load::{daemon, publishers, replay, simulated, soak, steady, throughput};
 use residual_benches::report;
 use residual_benches::results::Results;
 
@@ -49,6 +49,8 @@ enum Command {
     #[command(hide = true)]
     LoadPublisher(publishers::PublisherRole),
     #[command(hide = true)]
+    LoadSimulated(simulated::SimulatedRole),
+    #[command(hide = true)]
     LoadReplay(replay::ReplayRole),
 }
 
@@ -89,6 +91,7 @@ fn run(arguments: &Arguments) -> Result<()> {
         Command::Replay => conclude(replay::measure(common.quick)?, common),
         Command::LoadDaemon(role) => daemon::play(role),
         Command::LoadPublisher(role) => publishers::play(role),
+        Command::LoadSimulated(role) => simulated::play(role),
         Command::LoadReplay(role) => replay::play(role),
     }
 }
