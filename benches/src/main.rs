@@ -7,7 +7,7 @@ use std::process::{Command as Program, ExitCode, Stdio};
 
 use anyhow::{Context, Result};
 use clap::{Args, Parser, Subcommand};
-use residual_benches::load::{daemon, publishers, replay, soak, steady, throughput};
+use residual_benches::load::{daemon, publishers, replay, simulated, soak, steady, throughput};
 use residual_benches::path::{alarm, latency, read, role, write};
 use residual_benches::results::Results;
 use residual_benches::steps::{instructions, single};
@@ -74,6 +74,8 @@ enum Command {
     #[command(hide = true)]
     LoadPublisher(publishers::PublisherRole),
     #[command(hide = true)]
+    LoadSimulated(simulated::SimulatedRole),
+    #[command(hide = true)]
     LoadReplay(replay::ReplayRole),
 }
 
@@ -90,7 +92,17 @@ struct ReportOptions {
 
 /// The subcommands of a report, in its order.
 const MEASUREMENTS: [&str; 11] = [
-    "steps", "instructions", "latency", "alarm", "read", "write", "throughput", "soak", "steady", "replay", "peers",
+    "steps",
+    "instructions",
+    "latency",
+    "alarm",
+    "read",
+    "write",
+    "throughput",
+    "soak",
+    "steady",
+    "replay",
+    "peers",
 ];
 
 /// Lines of a failed measurement that the report shows.
@@ -126,6 +138,7 @@ fn run(arguments: &Arguments) -> Result<()> {
         Command::Replay => conclude(replay::measure(common.quick)?, common),
         Command::LoadDaemon(role) => daemon::play(role),
         Command::LoadPublisher(role) => publishers::play(role),
+        Command::LoadSimulated(role) => simulated::play(role),
         Command::LoadReplay(role) => replay::play(role),
     }
 }

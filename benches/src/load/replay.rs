@@ -87,7 +87,7 @@ pub fn measure(quick: bool) -> Result<Results> {
         ],
     );
     let repetitions = if quick { [1, 10] } else { [1, 50] };
-    let mut last = f64::NAN;
+    let (mut last, mut times) = (f64::NAN, Vec::new());
     for repeated in repetitions {
         let recording = Recording::make(directory.path(), repeated)?;
         let mut best = Duration::MAX;
@@ -95,6 +95,7 @@ pub fn measure(quick: bool) -> Result<Results> {
             best = best.min(recording.replay()?);
         }
         let recorded_s = repeated as f64 * DEMONSTRATION_NS as f64 / 1e9;
+        times.push((recorded_s, best.as_secs_f64()));
         last = recorded_s / best.as_secs_f64();
         table.row([
             repeated.to_string(),

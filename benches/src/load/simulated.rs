@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use anyhow::Result;
+use clap::Args;
 use nix::time::{ClockId, clock_gettime};
 use residual_shared::alarm::AlarmTransition;
 use residual_shared::bounds_table::{Access, TableWriter};
@@ -27,6 +28,38 @@ const EPOCH_NS: u64 = 1_000_000_000_000;
 
 /// After the end of a period its samples arrive.
 const ARRIVAL_NS: u64 = 100_000;
+
+/// What a profiler runs: a fleet for some periods.
+#[derive(Clone, Debug, Args)]
+pub struct SimulatedRole {
+    #[command(flatten)]
+    fleet: FleetOptions,
+    /// Periods of 10 ms.
+    #[arg(long, default_value_t = 100)]
+    periods: u64,
+    /// Whether something is wrong with the plants now and then.
+    #[arg(long)]
+    faults: bool,
+}
+
+/// Plays the role, and says what a step took and what the records were.
+///
+/// # Errors
+/// See [`Simulation::new`].
+pub fn play(role: &SimulatedRole) -> Result<()> {
+    let mut simulation = Simulation::new(&Kinds::read()?, &role.fleet, role.faults)?;
+    simulation.run(20);
+    simulation.busy = Duration::ZERO;
+    simulation.run(role.periods);
+    let steps = role.periods * role.fleet.diagnosers as u64;
+    println!(
+        "{} ns a step, digest of the records {:x}, {} transitions of alarms",
+        simulation.busy.as_nanos() as u64 / steps.max(1),
+        simulation.digest,
+        simulation.transitions
+    );
+    Ok(())
+}
 
 /// The fleet on a simulated clock, with its bounds table and the queue to recorders.
 pub struct Simulation {
