@@ -44,6 +44,8 @@ const ALLOWED: [(&str, &[&str]); 10] = [
             "residual-diagnosis",
             "residual-shared",
             "residual-client",
+            "residual-recording",
+            "residual-chart",
         ],
     ),
 ];

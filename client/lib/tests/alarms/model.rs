@@ -4,6 +4,7 @@
 
 use std::collections::VecDeque;
 use std::fs;
+use std::sync::Barrier;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
@@ -184,8 +185,10 @@ proptest! {
 }
 
 /// Reads until `finished` and nothing is left; all numbers from 1 on, each once, transitions and gaps.
-fn read_all(instance: &Instance, finished: &AtomicBool, pause: Duration) -> (u64, u64) {
+fn read_all(instance: &Instance, finished: &AtomicBool, begun: &Barrier, pause: Duration) -> (u64, u64) {
     let mut listener = AlarmListener::connect(instance, AlarmStart::Oldest);
+    assert_eq!(listener.wait(Duration::ZERO), None);
+    begun.wait();
     let (mut next, mut missing) = (1, 0);
     loop {
         let was_finished = finished.load(Ordering::SeqCst);
@@ -217,14 +220,17 @@ fn fast_and_slow_readers_account_for_every_number_while_the_daemon_writes_and_re
     let (_directory, instance) = instance();
     let finished = AtomicBool::new(false);
     let pauses = [0, 1, 20].map(Duration::from_millis);
+    // A reader that begins later would rightly begin with the oldest number that is left.
+    let begun = Barrier::new(pauses.len() + 1);
     let (total, read) = thread::scope(|scope| {
         let mut writer = daemon(&instance, &spec(&["a"], 64));
         let readers = pauses.map(|pause| {
             scope.spawn({
-                let (instance, finished) = (&instance, &finished);
-                move || read_all(instance, finished, pause)
+                let (instance, finished, begun) = (&instance, &finished, &begun);
+                move || read_all(instance, finished, begun, pause)
             })
         });
+        begun.wait();
         let mut total = 0;
         for life in 0..8 {
             for burst in [3, 200, 1, 40, 1000] {
