@@ -1,11 +1,18 @@
 //! Zonotopes p + H z, |z| <= 1, and the reduction of their order (method sheet 4.3, Theorem 3 of the paper).
 
-use crate::buffer::Buffer;
-use crate::matrix::blocks::{Blocks, blocks_of, store};
+mod selection;
+mod split;
+
+use crate::matrix::Matrix;
+use crate::matrix::blocks::{Blocks, absolute_sum_of, blocks_of, store};
 use crate::matrix::vectors::{LANES, Work, absolute, load, vectorised};
-use crate::matrix::{Matrix, row_sums};
 use pulp::Simd;
+use selection::Selection;
 use serde::{Deserialize, Serialize};
+use split::Split;
+
+/// One flag for each of 64 columns, the first in the lowest bit.
+type Flags = u64;
 
 /// How the columns of a generator matrix are scored when some must be boxed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -24,10 +31,8 @@ pub enum Reduction {
 pub struct Reducer {
     reduction: Reduction,
     scores: Vec<f64>,
-    /// Score of every column as a number of its own: ascending is score descending.
-    keys: Buffer<u64>,
-    kept: Vec<usize>,
-    boxed: Vec<usize>,
+    selection: Selection,
+    split: Split,
     /// 1 / R(H) of every row.
     scale: Vec<f64>,
 }
@@ -38,10 +43,8 @@ impl Reducer {
         Self {
             reduction,
             scores: vec![0.0; columns],
-            keys: Buffer::with_capacity(columns),
-            // One place more than can be filled: what does not belong is written behind and overwritten.
-            kept: vec![0; columns + 1],
-            boxed: vec![0; columns + 1],
+            selection: Selection::new(columns),
+            split: Split::new(rows),
             scale: vec![0.0; rows],
         }
     }
@@ -56,82 +59,48 @@ impl Reducer {
         if columns <= order {
             return false;
         }
-        self.score(matrix);
-        let kept_count = order - rows;
-        self.select(columns, kept_count);
-        for i in 0..rows {
-            let row = matrix.row_mut(i);
-            let radius: f64 = self.boxed[..columns - kept_count]
-                .iter()
-                .map(|&column| row[column].abs())
-                .sum();
-            for (target, &column) in self.kept[..kept_count].iter().enumerate() {
-                row[target] = row[column];
-            }
-            row[kept_count..order].fill(0.0);
-            row[kept_count + i] = radius;
-        }
+        let count = order - rows;
+        vectorised(Boxing {
+            reducer: self,
+            matrix,
+            count,
+        });
         matrix.reshape(rows, order);
         true
     }
-
-    /// Splits the columns into the `count` of largest score and the others, both ascending.
-    fn select(&mut self, columns: usize, count: usize) {
-        // Scores are sums of magnitudes, never negative, so that their bits are ordered as their values.
-        let key = |score: &f64| !score.to_bits();
-        self.keys.clear();
-        self.keys.extend(self.scores[..columns].iter().map(key));
-        let (before, &mut limit, _) = self.keys.select_nth_unstable(count);
-        // Of the columns with the limiting score the first ones are kept.
-        let mut room = before.iter().filter(|key| **key == limit).count();
-        let (mut kept, mut boxed) = (0, 0);
-        for (column, score) in self.scores[..columns].iter().enumerate() {
-            let tie = key(score) == limit && room > 0;
-            let keep = key(score) < limit || tie;
-            room -= usize::from(tie);
-            self.kept[kept] = column;
-            self.boxed[boxed] = column;
-            kept += usize::from(keep);
-            boxed += usize::from(!keep);
-        }
-    }
-
-    fn score(&mut self, matrix: &Matrix) {
-        let scores = &mut self.scores[..matrix.columns()];
-        match self.reduction {
-            Reduction::Euclidean => vectorised(Squares { matrix, scores }),
-            Reduction::GirardScaled => {
-                row_sums(matrix, &mut self.scale);
-                for value in &mut self.scale {
-                    *value = if *value > 0.0 { 1.0 / *value } else { 0.0 };
-                }
-                let scale = &self.scale;
-                vectorised(Girard {
-                    matrix,
-                    scale,
-                    scores,
-                });
-            }
-        }
-    }
 }
 
-/// Scores of [`Reduction::Euclidean`]: squares of the norms.
-struct Squares<'a> {
-    matrix: &'a Matrix,
-    scores: &'a mut [f64],
+/// The columns but `count` become a box behind those.
+struct Boxing<'a> {
+    reducer: &'a mut Reducer,
+    matrix: &'a mut Matrix,
+    count: usize,
 }
 
-impl Work for Squares<'_> {
+impl Work for Boxing<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let matrix = self.matrix;
-        store(simd, &SquaresOf { matrix }, self.scores);
+        let (reducer, matrix) = (self.reducer, self.matrix);
+        let scores = &mut reducer.scores[..matrix.columns()];
+        match reducer.reduction {
+            Reduction::Euclidean => store(simd, &SquaresOf { matrix }, scores),
+            Reduction::GirardScaled => {
+                let scale = &mut reducer.scale;
+                for (value, row) in scale.iter_mut().zip(matrix.iter_rows()) {
+                    let radius = absolute_sum_of(simd, &blocks_of(row, row.len(), &mut [0.0; LANES]));
+                    *value = if radius > 0.0 { 1.0 / radius } else { 0.0 };
+                }
+                store(simd, &GirardOf { matrix, scale }, scores);
+            }
+        }
+        let kept = reducer.selection.choose(simd, scores, self.count);
+        reducer.split.apply(matrix, kept, self.count);
     }
 }
 
+/// Scores of [`Reduction::Euclidean`]: squares of the norms.
 struct SquaresOf<'a> {
     matrix: &'a Matrix,
 }
@@ -174,22 +143,6 @@ impl<S: Simd> Blocks<S> for SquaresOf<'_> {
 }
 
 /// Scores of [`Reduction::GirardScaled`].
-struct Girard<'a> {
-    matrix: &'a Matrix,
-    scale: &'a [f64],
-    scores: &'a mut [f64],
-}
-
-impl Work for Girard<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        let (matrix, scale) = (self.matrix, self.scale);
-        store(simd, &GirardOf { matrix, scale }, self.scores);
-    }
-}
-
 struct GirardOf<'a> {
     matrix: &'a Matrix,
     scale: &'a [f64],

@@ -5,6 +5,7 @@
 //! summation is fixed, so that equal inputs give equal bits.
 
 pub(crate) mod blocks;
+pub(crate) mod columns;
 mod kernels;
 mod products;
 mod stored;

@@ -3,7 +3,7 @@
 use super::super::kernels::{absolute_dot, absolute_sum, combination, dot};
 use super::*;
 use crate::matrix::blocks::{absolute_dot_of, dot_of};
-use pulp::Scalar512b;
+use crate::matrix::vectors::on_every_set;
 
 /// Numbers of many sizes, with zeros of both signs; `special` mixes in what is not finite.
 fn example(rows: usize, columns: usize, seed: usize, special: bool) -> Matrix {
@@ -31,16 +31,6 @@ fn assert_same(found: &[f64], expected: &[f64], case: &str) {
     for (found, expected) in found.iter().zip(expected) {
         let same = found.to_bits() == expected.to_bits() || found.is_nan() && expected.is_nan();
         assert!(same, "{found} instead of {expected} {case}");
-    }
-}
-
-/// Does a work on every instruction set.
-fn on_every_set<W: Work>(work: impl Fn() -> W, mut check: impl FnMut(W::Output, &str)) {
-    check(work().run(Scalar512b), "in plain code");
-    check(vectorised(work()), "in the widest vectors");
-    #[cfg(target_arch = "x86_64")]
-    if let Some(simd) = pulp::x86::V3::try_new() {
-        check(work().run(pulp::x86::V3_512b(simd)), "in vectors of four");
     }
 }
 

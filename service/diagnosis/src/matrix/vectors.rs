@@ -72,3 +72,14 @@ pub(crate) fn lanes_of<S: Simd>(vector: S::f64s) -> Lanes {
 pub(crate) fn absolute<S: Simd>(simd: S, vector: S::f64s) -> S::f64s {
     simd.and_f64s(vector, simd.splat_f64s(f64::from_bits(!(1 << 63))))
 }
+
+/// Does a work on every instruction set.
+#[cfg(test)]
+pub(crate) fn on_every_set<W: Work>(work: impl Fn() -> W, mut check: impl FnMut(W::Output, &str)) {
+    check(work().run(Scalar512b), "in plain code");
+    check(vectorised(work()), "in the widest vectors");
+    #[cfg(target_arch = "x86_64")]
+    if let Some(simd) = pulp::x86::V3::try_new() {
+        check(work().run(V3_512b(simd)), "in vectors of four");
+    }
+}

@@ -128,7 +128,7 @@ impl CoupledFilter {
         let bounded = !regular && work.missing.bounded;
         let fault_generators = self.fault_generators.as_ref().filter(|_| bounded);
         work.prediction.predict(plant, state, command, fault_generators);
-        work.prediction.observe(measured);
+        work.prediction.observe(plant, measured);
         self.choose_gain(plant, measured, regular, work);
         self.test(plant, measured, regular, work, outcome);
         self.correct(plant, measured, regular, state, work);

@@ -216,7 +216,7 @@ impl NominalRun {
         self.work
             .prediction
             .predict(&self.plant, &self.state, &self.command, None);
-        self.work.prediction.observe(&self.measured);
+        self.work.prediction.observe(&self.plant, &self.measured);
     }
 
     fn correct(&mut self, filter: &CoupledFilter) {

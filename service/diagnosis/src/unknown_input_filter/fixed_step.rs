@@ -158,7 +158,7 @@ impl FixedFilter {
         }
         outcome.clear();
         work.prediction.predict_centre(plant, state, command, None);
-        work.prediction.observe_centre(measured);
+        work.prediction.observe_centre(plant, measured);
         multiply(&self.transition, &state.generators, &mut work.corrected);
         product_row_sums(&self.tests, &state.generators, &mut work.spreads);
         let decoupling = &self.coupled.decoupling;

@@ -10,6 +10,7 @@ pub mod decision;
 mod decoupling;
 mod design_words;
 pub mod error;
+mod few_states;
 mod filter;
 pub mod fixed_gain;
 mod fixed_step;

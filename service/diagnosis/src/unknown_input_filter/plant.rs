@@ -8,6 +8,7 @@
 //! | ε, δ | `epsilon`, [`UNIT_ROUNDOFF`] | |
 
 use super::{
+    few_states::FewStates,
     options::{FilterOptions, Form},
     strip_reset::Strip,
 };
@@ -39,6 +40,8 @@ pub(crate) struct Plant {
     pub input_box: Option<IntervalBox>,
     /// ε of the outward rounding (method sheet 4.9), 0 when it is switched off.
     pub epsilon: f64,
+    /// A0, A⁺, B and C by columns, if they are small.
+    pub few_states: Option<FewStates>,
 }
 
 /// A box as centre and radius.
@@ -69,9 +72,11 @@ impl Plant {
         multiply(&c, &b, &mut cb);
         let strip = Strip::new(model, outward);
         let order = (generator_order + 4 * nx + ny + 16) as f64;
+        let (a0, a_plus) = (Matrix::from(model.a0()), Matrix::from(model.a_plus()));
         Self {
-            a0: Matrix::from(model.a0()),
-            a_plus: Matrix::from(model.a_plus()),
+            few_states: FewStates::new(&a0, &a_plus, &b, &c),
+            a0,
+            a_plus,
             cb,
             disturbance_radius: (d.abs() * model.w()).as_slice().to_vec(),
             disturbance_generators: (!diagonal).then_some(weighted),

@@ -79,27 +79,46 @@ impl Prediction {
         for i in 0..nx {
             self.magnitude[i] = state.centre[i].abs() + state.radius[i] * enlarge;
         }
-        for i in 0..nx {
-            let uncertainty = dot(plant.a_plus.row(i), &self.magnitude) * enlarge;
-            self.centre[i] = dot(plant.a0.row(i), &state.centre) + dot(plant.b.row(i), &command.centre);
-            self.size[i] = absolute_dot(plant.a0.row(i), &self.magnitude)
-                + command.influence(plant, i)
-                + uncertainty
-                + plant.disturbance_radius[i]
-                + fault_generators.map_or(0.0, |matrix| absolute_sum(matrix.row(i)));
-            let merged = plant.disturbance_generators.is_none();
-            self.box_radius[i] = uncertainty + if merged { plant.disturbance_radius[i] } else { 0.0 };
+        if let Some(few) = &plant.few_states {
+            let parts = few.predict(&state.centre, &self.magnitude, command, enlarge);
+            self.box_radius.copy_from_slice(&parts.uncertainty[..nx]);
+            self.centre.copy_from_slice(&parts.centre[..nx]);
+            self.size.copy_from_slice(&parts.size[..nx]);
+        } else {
+            for i in 0..nx {
+                self.box_radius[i] = dot(plant.a_plus.row(i), &self.magnitude) * enlarge;
+                self.centre[i] = dot(plant.a0.row(i), &state.centre) + dot(plant.b.row(i), &command.centre);
+                self.size[i] = absolute_dot(plant.a0.row(i), &self.magnitude) + command.influence(plant, i);
+            }
+        }
+        let merged = plant.disturbance_generators.is_none();
+        let boxes = self.size.iter_mut().zip(&mut self.box_radius);
+        for (i, ((size, uncertainty), disturbance)) in boxes.zip(&plant.disturbance_radius).enumerate() {
+            let faults = fault_generators.map_or(0.0, |matrix| absolute_sum(matrix.row(i)));
+            *size = *size + *uncertainty + disturbance + faults;
+            *uncertainty += if merged { *disturbance } else { 0.0 };
         }
     }
 
     /// Compares with what was received.
-    pub fn observe(&mut self, measured: &Measured) {
-        self.observe_centre(measured);
+    pub fn observe(&mut self, plant: &Plant, measured: &Measured) {
+        self.observe_centre(plant, measured);
         multiply(&measured.c, &self.generators, &mut self.spread);
     }
 
     /// Innovation and output size only.
-    pub fn observe_centre(&mut self, measured: &Measured) {
+    pub fn observe_centre(&mut self, plant: &Plant, measured: &Measured) {
+        if let Some(few) = plant.few_states.as_ref().filter(|_| measured.is_complete(plant)) {
+            let [outputs, sizes] = few.outputs(&self.centre, &self.size);
+            let predicted = outputs.iter().zip(&sizes);
+            let received = measured.y.iter().zip(&measured.noise).zip(predicted);
+            let found = self.innovation.iter_mut().zip(&mut self.output_size);
+            for ((innovation, total), ((y, noise), (output, size))) in found.zip(received) {
+                *innovation = y - output;
+                *total = y.abs() + size + noise;
+            }
+            return;
+        }
         for j in 0..measured.count() {
             let row = measured.c.row(j);
             self.innovation[j] = measured.y[j] - dot(row, &self.centre);
