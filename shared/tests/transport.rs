@@ -8,7 +8,8 @@ use common::place::Place;
 use residual_shared::record::StepRecord;
 use residual_shared::sample::SampleHeader;
 use residual_shared::transport::{
-    self, RecordPublisher, RecordSubscriber, SamplePublisher, SampleSubscriber, TransportError,
+    self, RecordAudience, RecordPublisher, RecordSubscriber, SamplePublisher, SampleSubscriber,
+    TransportError,
 };
 
 #[test]
@@ -86,6 +87,23 @@ fn records_reach_a_recorder_whole() {
         count += 1;
     });
     assert_eq!(count, 1);
+}
+
+#[test]
+fn an_audience_is_there_from_the_first_recorder_to_the_last() {
+    let place = Place::new("audience");
+    let node = transport::open_node(&place.instance).unwrap();
+    assert!(RecordAudience::open(&node, &place.instance).is_err());
+    let _publisher = RecordPublisher::create(&node, &place.instance).unwrap();
+    let audience = RecordAudience::open(&node, &place.instance).unwrap();
+    assert!(audience.is_empty());
+    let other = transport::open_node(&place.instance).unwrap();
+    let recorders = [(); 2].map(|()| RecordSubscriber::open(&other, &place.instance).unwrap());
+    for recorder in recorders {
+        assert!(!audience.is_empty());
+        drop(recorder);
+    }
+    assert!(audience.is_empty());
 }
 
 #[test]

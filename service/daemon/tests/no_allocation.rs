@@ -14,7 +14,7 @@ use residual_shared::bounds_table::AlarmRead;
 use residual_shared::clock::{DaemonTime, sleep_until_monotonic};
 use residual_shared::record::{StepRecord, flags};
 use residual_shared::sample::SampleHeader;
-use residual_shared::transport;
+use residual_shared::transport::{self, RecordAudience, RecordPublisher, RecordSubscriber};
 use residuald::assembly::assemble;
 use residuald::commands::run::step_loop;
 use residuald::configuration::Configuration;
@@ -141,6 +141,11 @@ fn two_thousand_turns_with_good_bad_and_missing_samples_alarms_resets_and_comman
     let running = Arc::new(Running::new(loaded.configuration.clone(), &diagnosers));
     let life = Life::begin(&loaded.configuration.daemon, SPEED);
     let mut steps = step_loop(running, diagnosers, &life, &node, sender, inbox, &stop).unwrap();
+    // Every turn looks whether somebody records, and somebody does.
+    let _stream = RecordPublisher::create(&node, &stage.instance).unwrap();
+    let _recorder = RecordSubscriber::open(&node, &stage.instance).unwrap();
+    let audience = RecordAudience::open(&node, &stage.instance).unwrap();
+    steps.publication.record_for(audience);
     let mut drivers = Drivers::open(&stage.instance);
     let spec = stage.table().directory().spec.clone();
     let time: DaemonTime = spec.time;
