@@ -1,6 +1,7 @@
 //! Times as percentiles.
 
 use hdrhistogram::Histogram;
+use residuald::summary::StepTimes;
 use serde::{Deserialize, Serialize};
 
 /// Heads of the columns that [`Percentiles::cells`] fills.
@@ -46,6 +47,20 @@ impl Percentiles {
 
 /// The longest time that a histogram holds without growing, nanoseconds.
 const LONGEST_NS: u64 = 60_000_000_000;
+
+impl From<StepTimes> for Percentiles {
+    /// Those that a daemon has counted.
+    fn from(times: StepTimes) -> Self {
+        Self {
+            samples: times.count,
+            p50: times.p50_ns,
+            p90: times.p90_ns,
+            p99: times.p99_ns,
+            p999: times.p999_ns,
+            max: times.max_ns,
+        }
+    }
+}
 
 /// An empty histogram of nanoseconds with three significant digits. It has room for a minute, so that recording does
 /// not allocate; longer times make it grow (`record`) or count as a minute (`saturating_record`).

@@ -6,6 +6,7 @@
 //! | [`plants`] | what their sensors say |
 //! | [`simulated`] | the daemon's engine and publication on a simulated clock |
 //! | [`daemon`], [`publishers`] | the daemon and its sensors as processes |
+//! | [`with_faults`](mod@with_faults) | both, with plants that are faulty now and then |
 //! | [`usage`] | what the kernel knows of a process: processor time, memory, page faults |
 //! | [`throughput`], [`soak`], [`steady`], [`replay`] | the subcommands |
 
@@ -19,3 +20,4 @@ pub mod soak;
 pub mod steady;
 pub mod throughput;
 pub mod usage;
+pub mod with_faults;

@@ -1,16 +1,15 @@
 //! `residual-bench soak`: memory and lateness of a daemon over a long time.
 
-use std::thread::{available_parallelism, sleep};
+use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
 use clap::Args;
 
-use super::daemon::{Daemon, RealTimeOptions};
-use super::fleet::{FleetOptions, Kinds, Phases, Sharing, instance};
-use super::publishers::{PublisherOptions, Publishers};
+use super::fleet::{FleetOptions, Kinds, Phases, Sharing};
 use super::simulated::Simulation;
 use super::usage::resident_bytes;
+use super::with_faults::with_faults;
 use crate::percentiles::significant;
 use crate::results::{Chart, Finding, Results, Table};
 
@@ -55,24 +54,7 @@ pub fn measure(options: &SoakOptions, quick: bool) -> Result<Results> {
 }
 
 fn real_time(options: &SoakOptions, seconds: u64, results: &mut Results) -> Result<()> {
-    let fleet = FleetOptions {
-        diagnosers: options.diagnosers,
-        inputs: Sharing::Shared,
-        phases: Phases::Together,
-    };
-    let cores = available_parallelism().map_or(1, usize::from);
-    let scheduled = RealTimeOptions {
-        core: Some(options.core),
-        fifo: Some(50),
-    };
-    let daemon = Daemon::start(&fleet, &scheduled, instance("soak")?)?;
-    let publishers = PublisherOptions {
-        processes: 1,
-        faults: true,
-        core: (cores > 1).then_some((options.core + 1) % cores),
-        fifo: Some(40),
-    };
-    let publishers = Publishers::start(&fleet, &daemon.instance.name, &publishers)?;
+    let (daemon, publishers) = with_faults(options.diagnosers, options.core, "soak")?;
     sleep(Duration::from_secs(2));
     let (begin, first) = (Instant::now(), daemon.counts()?);
     let (mut memory, mut slip, mut before) = (Vec::new(), Vec::new(), first);

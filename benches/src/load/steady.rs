@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::process::{Command, Stdio};
-use std::thread::{available_parallelism, sleep};
+use std::thread::sleep;
 use std::time::Duration;
 
 use anyhow::Result;
@@ -11,10 +11,10 @@ use clap::Args;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-use super::daemon::{Daemon, RealTimeOptions};
-use super::fleet::{FleetOptions, PERIOD_NS, Phases, Sharing, instance};
-use super::publishers::{PublisherOptions, Publishers};
+use super::daemon::Daemon;
+use super::fleet::PERIOD_NS;
 use super::usage::Usage;
+use super::with_faults::with_faults;
 use crate::percentiles::significant;
 use crate::results::{Finding, Results, Table};
 
@@ -46,24 +46,7 @@ pub fn measure(options: &SteadyOptions, quick: bool) -> Result<Results> {
         quick,
     );
     let seconds = options.seconds.unwrap_or(if quick { 12 } else { 30 });
-    let fleet = FleetOptions {
-        diagnosers: options.diagnosers,
-        inputs: Sharing::Shared,
-        phases: Phases::Together,
-    };
-    let cores = available_parallelism().map_or(1, usize::from);
-    let scheduled = RealTimeOptions {
-        core: Some(options.core),
-        fifo: Some(50),
-    };
-    let daemon = Daemon::start(&fleet, &scheduled, instance("steady")?)?;
-    let publishers = PublisherOptions {
-        processes: 1,
-        faults: true,
-        core: (cores > 1).then_some((options.core + 1) % cores),
-        fifo: Some(40),
-    };
-    let publishers = Publishers::start(&fleet, &daemon.instance.name, &publishers)?;
+    let (daemon, publishers) = with_faults(options.diagnosers, options.core, "steady")?;
     sleep(Duration::from_secs(3));
 
     let before = Usage::of_first_thread(daemon.id())?;

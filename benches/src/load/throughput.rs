@@ -12,7 +12,7 @@ use super::fleet::{FleetOptions, Kinds, PERIOD_NS, Phases, Sharing, instance};
 use super::publishers::{Published, PublisherOptions, Publishers};
 use super::simulated::Simulation;
 use super::usage::{Usage, resident_bytes};
-use crate::percentiles::{Percentiles, duration, significant};
+use crate::percentiles::{duration, significant};
 use crate::results::{Chart, Finding, Results, Table};
 
 /// Diagnosers that one core shall carry.
@@ -268,15 +268,7 @@ fn tables_of(trials: &[Trial], results: &mut Results) {
             (&mut lateness, trial.summary.lateness),
             (&mut steps, trial.summary.step_times),
         ] {
-            let percentiles = Percentiles {
-                samples: times.count,
-                p50: times.p50_ns,
-                p90: times.p90_ns,
-                p99: times.p99_ns,
-                p999: times.p999_ns,
-                max: times.max_ns,
-            };
-            table.percentiles(what.clone(), &percentiles);
+            table.percentiles(what.clone(), &times.into());
         }
         if trial.published.late_periods > 0 {
             results.notes.push(format!(

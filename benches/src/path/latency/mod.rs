@@ -13,7 +13,7 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use anyhow::{Result, ensure};
-use residuald::summary::{StepTimes, Summary};
+use residuald::summary::Summary;
 
 use super::stage::{STEP_CORE, STEP_PRIORITY, Stage, real_time_refusal, replaced};
 use crate::percentiles::{Counts, Percentiles, duration, times_of};
@@ -174,24 +174,13 @@ fn add_rows(table: &mut Table, scheduling: &str, period: &str, measured: &Measur
     };
     let of = |counts: &Counts| Percentiles::of(&times_of(counts));
     row("bare timer", &of(&measured.timer));
-    row("step start", &of_daemon(&measured.summary.lateness));
-    row("step", &of_daemon(&measured.summary.step_times));
+    row("step start", &measured.summary.lateness.into());
+    row("step", &measured.summary.step_times.into());
     row("instant → bounds readable", &of(&measured.seen.since_instant));
     row(
         "sample published → bounds readable",
         &of(&measured.seen.since_published),
     );
-}
-
-fn of_daemon(times: &StepTimes) -> Percentiles {
-    Percentiles {
-        samples: times.count,
-        p50: times.p50_ns,
-        p90: times.p90_ns,
-        p99: times.p99_ns,
-        p999: times.p999_ns,
-        max: times.max_ns,
-    }
 }
 
 fn judge(results: &mut Results, scheduling: &str, period: &str, measured: &Measured) {
